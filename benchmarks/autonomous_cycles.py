@@ -284,7 +284,7 @@ class Examination:
     def _compare_orbits(self, branch: saltus.results.Branch, start: float, size: float) -> None:
         """Compare multipliers of some orbits of a branch with SciPy's."""
         for i in np.unique(np.linspace(0, len(branch) - 1, LOOKED_AT).astype(int)):
-            orbit = branch.orbit(int(i))
+            orbit = branch.solution(int(i))
             wide = max(orbit.max[s] - orbit.min[s] for s in self.described.system.states)
             if wide < 1e-6:
                 continue  # at HB an orbit has shrunk to its equilibrium

@@ -265,7 +265,7 @@ class Work:
         checks += [(point.type, self._special(point)) for point in located]
         rng = np.random.default_rng(self.drawn.number)
         for i in rng.choice(len(branch), min(3, len(branch)), replace=False):
-            orbit = branch.orbit(int(i))
+            orbit = branch.solution(int(i))
             if orbit.admissible:
                 found = self._orbit_checks(orbit)
                 checks += [

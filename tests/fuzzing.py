@@ -668,7 +668,7 @@ def _of_equilibria(made: Objects) -> dict[str, Call]:
         "continue_equilibrium": Call(
             saltus.continue_equilibrium,
             {
-                **ways, "equilibrium": rests.equilibrium(1), "parameter": "b1", "bounds": (-2.0, 2.0),
+                **ways, "equilibrium": rests.solution(1), "parameter": "b1", "bounds": (-2.0, 2.0),
                 "events": {"x": 0.0},
             },
         ),
@@ -680,9 +680,9 @@ def _of_equilibria(made: Objects) -> dict[str, Call]:
             },
         ),
         "switch_branch at a Hopf point": Call(saltus.switch_branch, {"point": rests["HB1"]}),
-        "equilibrium[]": Call(rests.equilibrium(0).__getitem__, {"state": "x"}),
-        "Equilibrium.problem": Call(rests.equilibrium(0).problem, {"*names": "b1"}),
-        "Equilibrium.plot": Call(rests.equilibrium(0).plot, {"ax": None, "legend": True}),
+        "equilibrium[]": Call(rests.solution(0).__getitem__, {"state": "x"}),
+        "Equilibrium.problem": Call(rests.solution(0).problem, {"*names": "b1"}),
+        "Equilibrium.plot": Call(rests.solution(0).plot, {"ax": None, "legend": True}),
         "EquilibriumBranch[]": Call(rests.__getitem__, {"label": "SN1"}),
         "EquilibriumBranch.at": Call(rests.at, {"value": float(rests.values[0])}),
         "EquilibriumBranch.value_at": Call(rests.value_at, {"point": rests["SN1"], "name": "x"}),

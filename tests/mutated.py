@@ -112,7 +112,7 @@ def samples() -> dict[str, Result]:
         "branch": branch,
         "fit": _fit(),
         "locus": continue_locus(branch["PD1"], ("r", "q"), {"r": (2.9, 3.1), "q": (0.95, 1.05)}),
-        "equilibrium": rests.equilibrium(0),
+        "equilibrium": rests.solution(0),
         "equilibria": rests,
         "folds": continue_locus(fold, ("b1", "b2"), {"b1": (-1.0, 2.0), "b2": (-2.0, 2.0)}),
         "family": continue_family(fixed, "r", {"q": [0.98, 1.0, 5.0]}, (2.5, 3.4), workers=1),
@@ -180,7 +180,7 @@ def _use_curve(found: Any) -> None:
         repr(point), found.value_at(point, "period"), point.sizes
         _use_orbit(point.orbit)
     if len(found):
-        _use_orbit(found.orbit(len(found) // 2))
+        _use_orbit(found.solution(len(found) // 2))
         found.signature(0)
 
 
@@ -197,7 +197,7 @@ def _use_equilibria(found: Any) -> None:
         repr(point), found.value_at(point, found.system.states[0]), point.parameters
         _use_equilibrium(point.equilibrium)
     if len(found):
-        _use_equilibrium(found.equilibrium(len(found) // 2))
+        _use_equilibrium(found.solution(len(found) // 2))
 
 
 def _use_family(found: Any) -> None:

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 import xarray as xr
 
-from saltus.continuation.results.algebraic_curve import (
-    AlgebraicCurve,
-    held_varied,
-    special_rows,
-    special_table,
-    special_variables_of,
-)
+from saltus.algebraic.solution import AlgebraicSolution, Packed
+from saltus.continuation.results.algebraic_curve import AlgebraicCurve
 from saltus.continuation.results.parameters import OneParameter, TwoParameters
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
 from saltus.continuation.runs.algebraic_locus import AlgebraicLocusRun
 from saltus.continuation.runs.one_parameter import branch_run
 from saltus.continuation.runs.two_parameters import locus_run
-from saltus.solution import Solution
 
 
 @dataclass(frozen=True)
@@ -46,6 +40,9 @@ class Polynomial:
 
     def parameter_vector(self, parameters: Mapping[str, float]) -> np.ndarray:
         return np.array([parameters[name] for name in self.powers])
+
+    def resolve(self, given: Mapping[str, float]) -> dict[str, float]:
+        return dict(given)
 
     def definition(self) -> dict[str, Any]:
         return {"powers": dict(self.powers), "parameters": dict(self.parameters), "name": self.name}
@@ -96,7 +93,7 @@ class Equations:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Zero(Solution):
+class Zero(AlgebraicSolution):
     """A zero, and the slope of the polynomial there: that of the flow x' = F."""
 
     system: Polynomial
@@ -107,6 +104,7 @@ class Zero(Solution):
     reasons: tuple[str, ...] = ()
 
     noun, at_rest = "a zero", True
+    packed = Packed("x", ()), Packed("slope", ())
 
     @property
     def x0(self) -> np.ndarray:
@@ -132,6 +130,17 @@ class Zero(Solution):
     def row(self) -> dict[str, Any]:
         return {"x": self.x, "stable": self.stable}
 
+    def pack(self) -> tuple[Any, ...]:
+        return self.x, self.slope
+
+    @classmethod
+    def _unpack(cls, system: Any, parameters: Any, parts: Any, residual: float, reasons: Any) -> Zero:
+        return cls(system, parameters, float(parts[0]), float(parts[1]), residual)
+
+    @staticmethod
+    def _held_system(held: Any) -> Polynomial:
+        return Polynomial(**held.json("definition", dict))
+
     def problem(self, *active: str) -> Equations:
         names = self.system.parameter_names
         return Equations(self.system, self.system.parameter_vector(self.parameters), [names.index(a) for a in active])
@@ -150,7 +159,7 @@ class Zero(Solution):
     @classmethod
     def _read(cls, held: Any) -> Zero:
         numbers = [held.number(name) for name in ("x", "slope", "residual")]
-        return cls(Polynomial(**held.json("definition", dict)), held.json("parameters", dict), *numbers)
+        return cls(cls._held_system(held), held.json("parameters", dict), *numbers)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -161,51 +170,12 @@ class Zeros(AlgebraicCurve[Any]):
     slope: np.ndarray
 
     counted = "zeros"
-    kinds = AlgebraicCurve.kinds | {"x": np.float64, "slope": np.float64}
-
-    @property
-    def extremes(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.x[:, None], self.x[:, None]
-
-    def _first_states(self) -> np.ndarray:
-        return self.x[:, None]
+    solved = Zero
+    written: ClassVar = {"x": Packed("x", ()), "slope": Packed("slope", ())}
 
     def _solution(self, index: int) -> Zero:
-        i, _ = self._at_point(index)
-        return Zero(self.system, self._parameters_at(i), *(float(a[i]) for a in (self.x, self.slope, self.residual)))
-
-    def to_xarray(self) -> xr.Dataset:
-        data, attrs = self._shared_variables()
-        data |= {"x": ("point", self.x), "slope": ("point", self.slope)}
-        data |= special_variables_of(self.special_points, 1, self.varied)
-        zeros = [point.solution for point in self.special_points]
-        data["special_zero"] = (("special", "number"), special_table([[z.x, z.slope] for z in zeros], 2))
-        return xr.Dataset(data, {"parameter": list(self.varied)}, attrs)
-
-    @classmethod
-    def _read(cls, held: Any) -> Zeros:
-        system, parameters = Polynomial(**held.json("definition", dict)), held.json("parameters", dict)
-        varied = held_varied(held, system)
-        values = held.array("special_value", ("special", "parameter"))
-        numbers = held.array("special_zero", ("special", "number"))
-        zeros = [
-            Zero(system, {**parameters, **dict(zip(varied, value, strict=True))}, x, slope, residual)
-            for value, (x, slope), residual in zip(
-                values.tolist(), numbers.tolist(), held.array("special_residual", ("special",)).tolist(), strict=True
-            )
-        ]
-        return cls(
-            system=system,
-            parameters=parameters,
-            x=held.array("x", ("point",)),
-            slope=held.array("slope", ("point",)),
-            special_points=special_rows(held, 1, varied, zeros),
-            **cls._shared_fields(held),
-            **cls._own_fields(held, varied, held.array("value", ("point", "parameter"))),
-        )
-
-    def __repr__(self) -> str:
-        return self._described(type(self).__name__)
+        numbers = (float(column[index]) for column in (self.x, self.slope, self.residual))
+        return Zero(self.system, self._parameters_at(index), *numbers)
 
 
 @final
@@ -213,16 +183,18 @@ class Zeros(AlgebraicCurve[Any]):
 class ZeroBranch(OneParameter[Any], Zeros):
     """Zeros along one parameter."""
 
+    def _attempts(self, a: Zero, b: Zero, share: float, value: float) -> Iterator[Callable[[], Zero]]:
+        parameters = {**a.parameters, self.parameter: value}
+        powers, p = list(self.system.powers.values()), self.system.parameter_vector(parameters)
+        roots = np.roots([p[[power == k for power in powers]].sum() for k in range(max(powers), -1, -1)])
+        nearest = roots[np.argmin(np.abs(roots - (a.x + share * (b.x - a.x))))]
+        yield lambda: self.system.zero(float(nearest.real), **parameters)
+
 
 @final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ZeroLocus(TwoParameters[Any], Zeros):
     """Double zeros along two parameters."""
-
-    kinds = Zeros.kinds | {"coefficient": np.float64}
-
-    def to_xarray(self) -> xr.Dataset:
-        return super().to_xarray().assign(coefficient=("point", self.coefficient)).assign_attrs(type=self.type)
 
 
 def columns(joined: Any) -> dict[str, Any]:

@@ -79,16 +79,18 @@ def frozen(array: Any, dtype: Any = np.float64) -> Any:
     return copy
 
 
-_DEFINED: dict[str, type[Result]] = {}  # kinds of results that have been defined, wherever they are
+_KNOWN: dict[str, type[Result]] = {}  # classes of other packages, by name; a class registers when it is made
 
 
 class Result(ABC):
-    """Base of all results; each can be saved to NetCDF and read back equal, without the model at hand."""
+    """Base of all results; each can be saved to NetCDF and read back equal, without the model at hand.
+
+    A class that inherits from it is known to `load` by its name, once its module has been imported.
+    """
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Make the kind known to `load`, also where its module is not one of saltus."""
         super().__init_subclass__(**options)
-        _DEFINED.setdefault(cls.__name__, cls)
+        _KNOWN[cls.__name__] = cls
 
     @abstractmethod
     def to_xarray(self) -> xr.Dataset:
@@ -368,29 +370,38 @@ def _check_size(file: Path | BytesIO, size: int) -> None:
 
 def result_in(dataset: xr.Dataset, path: Path) -> Any:
     """Return the result that a Dataset from a file describes; raise `InputError` where it cannot be one."""
-    kind = dataset.attrs.pop("saltus_result", None)
-    dataset.attrs.pop("saltus_version", None)
-    home = _home(kind, path)
+    kind, writer = dataset.attrs.pop("saltus_result", None), dataset.attrs.pop("saltus_version", None)
+    home = _home(kind, path, writer)
     try:
         return home.from_xarray(dataset)
     except InputError as error:
-        raise InputError("path", str(path), f"the whole file of a {kind}", str(error)) from error
+        hint = "; ".join([str(error), *_written_by(writer)])
+        raise InputError("path", str(path), f"the whole file of a {kind}", hint) from error
 
 
 def _opened(path: Path) -> Result:
     """Return the result in a Zarr store."""
     try:
-        kind = json.loads((path / _STORE).read_text(encoding="utf-8"))["attributes"]["saltus_result"]
+        attributes = json.loads((path / _STORE).read_text(encoding="utf-8"))["attributes"]
+        kind = attributes["saltus_result"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError("path", str(path), "a store written by saltus", f"{type(error).__name__} {error}") from error
-    opened: Result = _home(kind, path).open(path)
+    opened: Result = _home(kind, path, attributes.get("saltus_version")).open(path)
     return opened
 
 
-def _home(kind: Any, path: Path) -> Any:
-    """Return the class of a kind of result."""
-    if isinstance(kind, str) and kind in _HOMES:
-        return getattr(importlib.import_module(_HOMES[kind]), kind)
-    if isinstance(kind, str) and kind in _DEFINED:
-        return _DEFINED[kind]
-    raise InputError("path", str(path), "a file written by saltus", "or by a program that defines its kind of result")
+def _home(kind: Any, path: Path, writer: Any) -> Any:
+    """Return the class of a kind of result; no module is imported whose name a file could choose."""
+    if not isinstance(kind, str) or (kind not in _HOMES and kind not in _KNOWN):
+        hints = [f"import the module that has the class {kind[:_TOLD]}"] if isinstance(kind, str) else []
+        raise InputError("path", str(path), "a file written by saltus", "; ".join([*hints, *_written_by(writer)]))
+    return getattr(importlib.import_module(_HOMES[kind]), kind) if kind in _HOMES else _KNOWN[kind]
+
+
+def _written_by(writer: Any) -> list[str]:
+    """Return what to say of a file that another version wrote; nothing of one that this version wrote."""
+    from importlib.metadata import version
+
+    if not isinstance(writer, str) or writer == version("saltus"):
+        return []
+    return [f"saltus {writer[:_TOLD]} wrote it, this is {version('saltus')}: load it with that version"]

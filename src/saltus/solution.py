@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from saltus import checks
 from saltus.result import Result
 
 if TYPE_CHECKING:
@@ -77,6 +78,10 @@ class Solution(Result):
         """Whether this is a solution of the system, and not only of equations that hold elsewhere."""
         return not self.reasons
 
+    def _held_value(self, name: str) -> float | None:
+        """Return the value of a quantity that was held as the solution was solved; None where it was not."""
+        return None
+
     @property
     @abstractmethod
     def extremes(self) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -124,8 +129,13 @@ class Solution(Result):
         -------
         int
             1 for a type of which only one is ever critical.
+
+        Raises
+        ------
+        InputError
+            `varied` has no names.
         """
-        return self._multiplicity(type, varied)
+        return self._multiplicity(type, checks.names("varied", varied, "names of parameters"))
 
     def _multiplicity(self, type: str, varied: Sequence[str]) -> int:
         """See `multiplicity`; 1 for a kind that cannot have more."""

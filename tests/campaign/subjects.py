@@ -107,8 +107,7 @@ def followed(variant: Variant, follow: Any, start: Any, parameter: str, bounds: 
     if not variant.far:
         return branch
     index = int(0.8 * (len(branch) - 1))
-    again = branch.equilibrium(index) if follow is continue_equilibrium else branch.orbit(index)
-    return follow(again, parameter, bounds, steps=variant.steps)
+    return follow(branch.solution(index), parameter, bounds, steps=variant.steps)
 
 
 def first_cycle(branch: Any) -> Any:

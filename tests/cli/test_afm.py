@@ -91,7 +91,7 @@ def test_options_of_the_curve_reach_it(lever):
     )
     curve = read_experiment(lever).traced()
     assert (curve.of, curve.phase_convention) == ("tip", "asylum")
-    assert curve.branches[0].orbit(0).parameters["E_GPa"] == 2.0
+    assert curve.branches[0].solution(0).parameters["E_GPa"] == 2.0
     assert len(curve) > 10
 
 

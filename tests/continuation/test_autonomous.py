@@ -74,7 +74,7 @@ def test_hopf_point_is_an_equilibrium_with_the_multipliers_of_its_linearisation(
     assert point.orbit.x0 == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
     assert point.orbit.multipliers == pytest.approx([1.0, math.exp(2.0 * math.pi * decay), 1.0], rel=1e-10)
     assert branch.multipliers[-1] == pytest.approx(point.orbit.multipliers)
-    assert branch.orbit(-1).multipliers == pytest.approx(point.orbit.multipliers, abs=1e-7)
+    assert branch.solution(-1).multipliers == pytest.approx(point.orbit.multipliers, abs=1e-7)
     assert "the cycle shrinks to an equilibrium" in repr(point)
 
 

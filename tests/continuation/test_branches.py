@@ -111,7 +111,7 @@ def test_an_unknown_label_names_those_there_are(orbit):
     with refuse("label = 'PD2': must be one of PD1; did you mean 'PD1'?"):
         branch["PD2"]
     with refuse(f"index = {len(branch)}: must be an integer between {-len(branch)} and {len(branch) - 1}"):
-        branch.orbit(len(branch))
+        branch.solution(len(branch))
     with pytest.raises(InputError, match=r"^quantity = 'max_z': must be one of a, period, arclength, x, s, "):
         branch.column("max_z")
 

@@ -50,7 +50,7 @@ def test_bautin_cycle_folds_at_minus_a_quarter_and_ends_at_zero(
 def test_multipliers_along_the_bautin_cycle_are_the_closed_form(bautin: HybridSystem) -> None:
     branch = saltus.continue_orbit(saltus.find_orbit(bautin, x0=[0.7, 0.1, 0.8]), "mu", (-0.5, 1.0))
     for i in range(1, len(branch), 6):
-        orbit = branch.orbit(i)
+        orbit = branch.solution(i)
         along, y = 0.6 * orbit.x0[0] + 0.8 * orbit.x0[2], orbit.x0[1]
         r2, mu = along**2 + y**2, orbit.parameters["mu"]
         assert r2**2 - r2 == pytest.approx(mu, abs=1e-10)

@@ -58,7 +58,7 @@ def assert_critical(locus, every=1):
     The characteristic polynomial vanishes; where no other multiplier is near, so does the distance.
     """
     for i in range(0, len(locus), every):
-        orbit = locus.orbit(i)
+        orbit = locus.solution(i)
         assert orbit.residual < 1e-9
         values = orbit.multipliers[:-1] if orbit.system.phase is None else orbit.multipliers
         critical = np.exp(1j * locus.angle[i])
@@ -290,7 +290,7 @@ def test_any_point_of_a_locus_starts_a_branch_or_another_locus(unfolded):
         h = point.parameters["h"]
         np.testing.assert_allclose(r + h * y - y**3 + u * (1 + y / 2) + 0.3 * u**2 * y**2 - y, 0.0, atol=CLOSE)
         np.testing.assert_allclose(h - 3 * y**2 + u / 2 + 0.6 * u**2 * y, 1.0, atol=CLOSE)
-        branch = continue_orbit(unfolded.orbit(i), "r", (-1.5, 1.5))
+        branch = continue_orbit(unfolded.solution(i), "r", (-1.5, 1.5))
         folds = [p.parameters["r"] for p in branch.special_points if p.type == "SN"]
         where = point.parameters["r"]
         at_start = min([abs(where - fold) for fold in folds], default=math.inf)
@@ -575,7 +575,7 @@ def test_locus_of_a_second_impacts_grazing_is_the_closed_form():
     locus = continue_locus(second[0], ("w", "A"), PLANE)
     assert len(locus) > 5
     for i, (w, A) in enumerate(locus.values):
-        table = locus.orbit(i).states
+        table = locus.solution(i).states
         U = -table[np.abs(table[:, 1]).argmax(), 1] / 0.8
         assert ImpactOrbit(w, 2).amplitude(U) == pytest.approx(A, abs=CLOSE)
         assert min(abs(peak - 1.0) for peak in second_contacts(w, 2, U)) < CLOSE

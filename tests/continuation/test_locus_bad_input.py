@@ -206,7 +206,7 @@ def test_a_label_that_is_not_there_is_told_with_those_that_are(fold):
     with pytest.raises(InputError, match="quantity = 'angel': must be one of .*did you mean 'angle'"):
         locus.column("angel")
     with pytest.raises(InputError, match="index = 999"):
-        locus.orbit(999)
+        locus.solution(999)
     with pytest.raises(InputError, match="index"):
         locus.point(999)
 

@@ -73,7 +73,7 @@ def independent(orbit, name, where):
     starts = [regular[len(regular) // 4], regular[(3 * len(regular)) // 4]]
     found = []
     for start in starts:
-        found += list(continue_orbit(away.orbit(start), name, (low, high)).special_points)
+        found += list(continue_orbit(away.solution(start), name, (low, high)).special_points)
     return found
 
 
@@ -89,7 +89,7 @@ def test_points_of_a_locus_are_special_points_of_independent_branches(branches, 
     assert len(locus) > 5, locus
     assert locus.residual.max() < 1e-9
     i = round(share * (len(locus) - 1))
-    orbit = locus.orbit(i)
+    orbit = locus.solution(i)
     # the locus is crossed by a branch in a parameter only if the other one, too, varies along it
     steep = np.argsort([np.ptp(locus.column(name)) / (BOUNDS[name][1] - BOUNDS[name][0]) for name in pair])
     varies = np.ptp(locus.column(pair[int(steep[0])])) > 1e-9
@@ -112,7 +112,7 @@ def test_every_locus_of_the_response_is_critical_all_along(branches, locus_of, m
         for i in range(0, len(locus), 8):
             if min((abs(i - where) for where in met), default=9.0) < 1.0:
                 continue
-            orbit = locus.orbit(i)
+            orbit = locus.solution(i)
             if start.type == "GR":
                 height = float(min(abs(orbit.min["z"] - orbit.parameters["a0"] / orbit.parameters["eta"]), 1.0))
                 assert height < 1e-8 or min(orbit.durations) < 1e-8
@@ -213,7 +213,7 @@ def test_any_point_of_a_grazing_locus_starts_a_branch(plane):
             for i in range(0, len(curve), 6):
                 where = curve.values[i, 0]
                 bounds, few = (where - 1e-4, where + 1e-4), StepControl(max_points=2)
-                branch = continue_orbit(curve.orbit(i), "Omega", bounds, steps=few)
+                branch = continue_orbit(curve.solution(i), "Omega", bounds, steps=few)
                 assert len(branch) > 1
 
 

@@ -53,7 +53,7 @@ def test_all_eigenvalues_of_a_symmetric_rest_vanish_at_one_branch_point(system, 
 def test_a_diagram_has_all_branches_of_a_square():
     tree = saltus.diagram(SQUARE, "a", (-1.0, 1.0))
     diagonal = math.sqrt(1.0 / 1.5)
-    lines = {tuple(np.abs(np.round(branch.equilibrium(-1).state, 9))) for branch in tree.branches[1:]}
+    lines = {tuple(np.abs(np.round(branch.solution(-1).state, 9))) for branch in tree.branches[1:]}
     assert lines == {(1.0, 0.0), (0.0, 1.0), (round(diagonal, 9), round(diagonal, 9))}
     assert len(tree.branches) == 5
 

@@ -110,7 +110,7 @@ def test_a_grazing_orbit_in_both_signatures(grazing):
 
 def test_the_orbit_beyond_a_grazing_starts_the_branch_that_goes_on_there(grazing):
     assert [point.type for point in grazing.special_points] == ["SN", "GR"]
-    ended = continue_orbit(grazing.orbit(0), "A", (0.05, 1.2), directions="down", stop_at="GR")
+    ended = continue_orbit(grazing.solution(0), "A", (0.05, 1.2), directions="down", stop_at="GR")
     assert ended.stopped[1] == f"A = {ended['GR1'].parameters['A']:.9g}: grazing"
     assert len(ended.forms) == 1
     for orbit in grazing_orbits(ended["GR1"]):
@@ -130,7 +130,7 @@ def test_only_at_a_grazing_signatures_meet(henon):
 
 
 def test_an_orbit_or_a_branch_is_no_special_point(logistic):
-    for given in (logistic, logistic.orbit(0)):
+    for given in (logistic, logistic.solution(0)):
         refuse("point = ", lambda given=given: switch_branch(given))
 
 

@@ -95,3 +95,18 @@ def test_a_curve_is_saved_and_loaded_equal(which, tmp_path, request):
 def test_a_zero_is_saved_and_loaded_equal(branch, tmp_path):
     zero = branch._solution(3)
     assert saltus.load(zero.save(tmp_path / "zero.nc")) == zero
+
+
+def test_zeros_at_a_value_are_solved_for(branch):
+    found = [zero.x for zero in branch.at(0.0)]
+    assert sorted(found) == pytest.approx([-np.sqrt(3.0), 0.0, np.sqrt(3.0)], abs=1e-12)
+
+
+def test_branch_and_locus_have_pictures(branch, locus):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    ax = branch.plot()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$r$", "$x$")
+    assert ax.get_legend_handles_labels()[1] == ["stable", "unstable", "SN, saddle-node"]
+    assert "SN, saddle-node" in locus.plot().get_legend_handles_labels()[1]
+    pyplot.close("all")

@@ -54,7 +54,7 @@ def test_time_between_looks_is_needed_without_a_drive_only(view, session, still)
     assert view.interval is None
     at_rest = BasinView(still, print, print)
     assert at_rest.interval == pytest.approx(2.0 * np.pi)
-    cycle = still.results["branch2"].orbit(5)
+    cycle = still.results["branch2"].solution(5)
     at_rest.solution_is(cycle)
     assert at_rest.interval == cycle.period
 

@@ -28,7 +28,7 @@ def test_points_and_marks_are_those_of_the_branch(branch, name):
 
 def test_an_orbit_alone_lies_where_its_branch_has_it(branch):
     for name in ("max_z", "v", "period", "e", "mean(z)", "min_z"):
-        alone = drawn(branch.orbit(5), ("a", name)).points[0, 1]
+        alone = drawn(branch.solution(5), ("a", name)).points[0, 1]
         assert alone == pytest.approx(drawn(branch, ("a", name)).points[5, 1], rel=1e-9)
 
 

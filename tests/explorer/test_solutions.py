@@ -37,7 +37,7 @@ def test_nothing_goes_on_from_what_solves_no_equation(results, name):
 
 
 def test_paths_are_cut_at_events(results, ball_on_table):
-    path = path_of(results["branch1"].orbit(0), ("t", "z - a*sin(theta)"))
+    path = path_of(results["branch1"].solution(0), ("t", "z - a*sin(theta)"))
     assert len(path.events) == 1
     assert path.events[0, 1] == pytest.approx(0.0, abs=1e-9)
     motion = results["motion1"]
@@ -115,7 +115,7 @@ def test_a_quantity_of_an_orbit_is_that_of_its_branch(results, name):
     branch = results["branch1"]
     known = name in branch.parameters and name not in branch.varied
     expected = branch.parameters[name] if known else branch.column(name)[4]
-    assert quantity_of(branch.orbit(4), name) == pytest.approx(expected, rel=1e-9)
+    assert quantity_of(branch.solution(4), name) == pytest.approx(expected, rel=1e-9)
 
 
 def test_extremes_of_an_equilibrium_are_its_state(rests):

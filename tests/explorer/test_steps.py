@@ -95,7 +95,7 @@ def test_a_place_that_is_not_there_is_told(results, ball_on_table):
 def test_a_place_is_told_as_python(results):
     for place, text in {
         Place(of="orbit1"): "orbit1",
-        Place(of="branch1", index=3): "branch1.orbit(3)",
+        Place(of="branch1", index=3): "branch1.solution(3)",
         PLACE: "branch1['SN1'].orbit",
     }.items():
         assert place.text() == text

@@ -146,7 +146,7 @@ def test_a_branch_is_saved_and_loaded(tmp_path):
         branch_of(logistic(), "r", (0.5, 4.0), [0.5], {"r": 3.3}, period=2),
     ):
         assert saltus.load(branch.save(tmp_path / "branch.nc")) == branch
-        again = branch.orbit(3)
+        again = branch.solution(3)
         assert again.points == pytest.approx(branch.points[3])
 
 
@@ -210,6 +210,6 @@ def test_a_loop_of_nonsmooth_folds_is_followed_once():
     assert "followed already" in branch.stopped[0]
     assert [point.kind for point in branch.special_points.of_type("BC")] == ["nonsmooth fold"] * 2
     assert len(branch) < 300
-    last, met = branch.orbit(0), branch.special_points[-1].cycle
+    last, met = branch.solution(0), branch.special_points[-1].cycle
     assert last.parameters["r"] == pytest.approx(met.parameters["r"], abs=1e-9)
     assert sorted(last.points[:, 0]) == pytest.approx(sorted(met.points[:, 0]), abs=1e-9)

@@ -121,11 +121,11 @@ def test_what_cannot_be_used_is_named():
     bounds = {"mu": (-1.0, 1.0), "a": (-2.0, 2.0)}
     tented = branch_of(tent(), "mu", (-1.0, 1.0), [-0.4])
     with pytest.raises(InputError, match="multiplier 1"):
-        saltus.continue_locus(tented.orbit(3), ("mu", "a"), bounds, type="SN")
+        saltus.continue_locus(tented.solution(3), ("mu", "a"), bounds, type="SN")
     with pytest.raises(InputError, match="from the nearest border"):
-        saltus.continue_locus(tented.orbit(3), ("mu", "a"), bounds, type="BC")
+        saltus.continue_locus(tented.solution(3), ("mu", "a"), bounds, type="BC")
     with pytest.raises(InputError, match="must be one of SN, PD, TR, BC"):
-        saltus.continue_locus(tented.orbit(3), ("mu", "a"), bounds, type="GR")
+        saltus.continue_locus(tented.solution(3), ("mu", "a"), bounds, type="GR")
     smooth = saltus.solve_orbit(Map(("x",), {"r": 0.3, "s": 0.0}, {"x": "r - x**2 + s"}), x0=[0.2])
     with pytest.raises(InputError, match="a smooth map has no borders"):
         saltus.continue_locus(smooth, ("r", "s"), {"r": (-1.0, 1.0), "s": (-1.0, 1.0)}, type="BC")

@@ -173,7 +173,7 @@ def test_folds_and_greatest_reach_of_duffings_oscillator(duffing: HybridSystem) 
     assert folds[0] == pytest.approx((2.211935317020, 2.315979800650), abs=2e-11)
     assert folds[1] == pytest.approx((1.438670145514, 0.699671905673), abs=2e-11)
     reach = branch.column("max_x")
-    near = branch.orbit(int(np.argmax(reach)))
+    near = branch.solution(int(np.argmax(reach)))
     freed = solve_orbit(duffing, near.parameters, x0=near.x0, fix={"max_x": near.max["x"]}, free="w")
     top = continue_orbit(freed, "max_x", (2.0, 2.5))["TP1"]
     # the slope of the reach along the branch comes from differences, and so does the place where it vanishes

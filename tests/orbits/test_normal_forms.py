@@ -311,7 +311,7 @@ def impacting_branch(system, Omega, x, ybar, bounds):
     orbit = solve_orbit(system, {"Omega": Omega}, segments)
     if ybar is not None:
         lifted = continue_orbit(orbit, "ybar", (orbit.parameters["ybar"], ybar), directions="up")
-        orbit = lifted.orbit(len(lifted) - 1)
+        orbit = lifted.solution(len(lifted) - 1)
     return continue_orbit(orbit, "Omega", bounds)
 
 

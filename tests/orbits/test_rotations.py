@@ -75,7 +75,7 @@ def test_branch_of_rotations_ends_at_the_saddle_node_on_the_circle():
     assert point.parameters["I"] == pytest.approx(1.0, abs=1e-8)
     exact = TURN / np.sqrt(branch.values**2 - 1.0)
     assert branch.period == pytest.approx(exact, rel=1e-5)
-    assert all(branch.orbit(i).winding == {"phi": 1} for i in (0, len(branch) // 2, -1))
+    assert all(branch.solution(i).winding == {"phi": 1} for i in (0, len(branch) // 2, -1))
 
 
 def test_pendulum_under_torque_rotates_and_rests_at_the_same_torque():
@@ -194,7 +194,7 @@ def test_rotor_that_is_braked_once_a_turn_has_the_closed_form():
     exact = brentq(turn, 0.6, 1.74)
     assert orbit.segments[0].state == pytest.approx([1.0, exact], abs=1e-9)
     branch = continue_orbit(orbit, "I", (0.45, 0.7))
-    assert branch.orbit(-1).winding == {"phi": 1}
+    assert branch.solution(-1).winding == {"phi": 1}
 
 
 def test_two_rounds_of_a_rotation_are_one_orbit():

@@ -188,7 +188,7 @@ def soft_branch():
 def test_mean_ends_above_and_below_the_share_where_the_quadrature_takes_over(soft_branch, share, names):
     """The contact's duration over the period; at 0 it is the grazing itself."""
     index = min(i for i in range(len(soft_branch)) if len(soft_branch.signature(i)) == 2)
-    orbit = soft_branch.orbit(index)
+    orbit = soft_branch.solution(index)
     problem, u = problem_of(orbit, *names)
     short = orbit.form.kinds.index(MEAN_END)
     u = u.copy()

@@ -235,7 +235,7 @@ def test_a_contact_so_short_that_its_mean_rate_is_integrated():
     system = bilinear()
     branch = continue_orbit(find_orbit(system, {"d": 0.4}, x0=[0.0, 0.0]), "d", (0.1, 3.0))
     lengths = [min(u[3::4]) / u[3::4].sum() if len(u) == 8 else 1.0 for u in branch.unknowns]
-    short = branch.orbit(int(np.argmin(np.abs(np.log(np.array(lengths) / 0.005)))))
+    short = branch.solution(int(np.argmin(np.abs(np.log(np.array(lengths) / 0.005)))))
     orbit = again(short, {"d": branch["GR1"].parameters["d"] - 2e-4})
     assert 1e-3 < orbit.durations.min() / orbit.period < 0.01
     names = ["max(F)", "fraction(stop)", "velocity(touch)", "phase(x, 1)"]

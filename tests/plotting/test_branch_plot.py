@@ -129,7 +129,7 @@ def test_where_both_coordinates_turn_the_curve_is_round_not_a_cusp():
 def test_interpolation_agrees_with_a_branch_of_many_more_points(request, which, x, y):
     """The oracle is a branch of ten times as many points; 1e-3 of the axes is less than a line's width."""
     branch = request.getfixturevalue(which)
-    start = branch.orbit(len(branch) // 2)
+    start = branch.solution(len(branch) // 2)
     bounds = branch.values.min(), branch.values.max()
     dense = saltus.continue_orbit(start, x, bounds, steps=saltus.StepControl(largest=0.01))
     size = np.array([np.ptp(branch.column(x)), np.ptp(branch.column(y))])

@@ -61,7 +61,7 @@ def test_returns_of_a_forced_system_are_once_a_period(impact_oscillator):
     assert len(curves) == 3
     assert len(leap) == 1
     curves.remove(leap[0])
-    A, last = cascade.branches[0].values[-1], cascade.branches[0].orbit(-1)
+    A, last = cascade.branches[0].values[-1], cascade.branches[0].solution(-1)
     motion = saltus.simulate(impact_oscillator, {"w": form.w, "A": A}, last.x0, periods=2)
     ends = sorted(curve.get_ydata()[-1] for curve in curves)
     np.testing.assert_allclose(ends, sorted(motion(motion.t_end * np.array([0.0, 0.5]))[:, 1]), atol=1e-8)

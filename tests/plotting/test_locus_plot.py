@@ -178,7 +178,7 @@ def test_only_the_kinds_asked_for_are_drawn(response):
 
 def test_quantities_of_a_branch_stay_together_on_the_way_between_points(response):
     """The oracle is a response of ten times as many points; 2e-3 of the picture is a line's width."""
-    dense = saltus.continue_orbit(response.orbit(0), "Omega", (0.8, 1.4), steps=saltus.StepControl(largest=0.01))
+    dense = saltus.continue_orbit(response.solution(0), "Omega", (0.8, 1.4), steps=saltus.StepControl(largest=0.01))
     names = ("Omega", "min_z", "max_v1")
     points = np.array([dense.column(name) for name in names]).T
     size = np.ptp(points, axis=0)

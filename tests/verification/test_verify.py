@@ -43,27 +43,27 @@ def test_a_branch_with_impacts_a_doubling_and_grazings_passes(impacts):
 
 
 def test_a_moved_state_does_not_close(impacts):
-    orbit = impacts.orbit(3)
+    orbit = impacts.solution(3)
     states = orbit.states.copy()
     states[0, 0] += 1e-6
     assert any(what.startswith("gap behind segment") for what in differing(replace(orbit, states=states)))
 
 
 def test_a_wrong_duration_is_found_at_the_event(impacts):
-    orbit = impacts.orbit(3)
+    orbit = impacts.solution(3)
     assert "time of hit" in differing(replace(orbit, durations=orbit.durations * (1.0 + 1e-6)))
 
 
 @pytest.mark.parametrize("name", ["lows", "highs"])
 def test_wrong_extremes_of_an_output_are_found(impacts, name):
-    orbit = impacts.orbit(3)
+    orbit = impacts.solution(3)
     values = getattr(orbit, name).copy()
     values[-1] += 1e-4
     assert differing(replace(orbit, **{name: values})) == {f"{'min' if name == 'lows' else 'max'} energy"}
 
 
 def test_wrong_multipliers_are_found(impacts):
-    orbit = impacts.orbit(3)
+    orbit = impacts.solution(3)
     assert differing(replace(orbit, multipliers=orbit.multipliers * (1.0 + 1e-5))) >= {"multiplier 1", "multiplier 2"}
 
 
@@ -91,7 +91,7 @@ def test_a_false_special_point_is_not_critical(impacts, equilibria):
 
 def test_equilibria_and_their_hopf_point_pass(equilibria):
     assert saltus.verify(equilibria).passed
-    wrong = replace(equilibria.equilibrium(0), state=equilibria.equilibrium(0).state + 1e-5)
+    wrong = replace(equilibria.solution(0), state=equilibria.solution(0).state + 1e-5)
     assert "distance from Newton's solution" in differing(wrong)
 
 
@@ -105,7 +105,7 @@ def test_a_branch_of_cycles_from_its_hopf_point_passes(equilibria):
 def test_cycles_of_a_map_pass_and_a_wrong_multiplier_does_not():
     branch = saltus.continue_orbit(saltus.solve_orbit(LOGISTIC, x0=[0.64]), "r", (1.5, 3.9))
     assert saltus.verify(branch).passed
-    orbit = branch.orbit(0)
+    orbit = branch.solution(0)
     assert differing(replace(orbit, multipliers=orbit.multipliers + 1e-5)) == {"multiplier 1"}
 
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from saltus import checks
+from saltus.algebraic.solution import AlgebraicSolution, Packed
 from saltus.contents import Contents
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of, multiplicity
 from saltus.result import frozen
-from saltus.solution import Solution
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
 
@@ -30,7 +30,7 @@ _GROWS = 1e-6  # real part, over the largest modulus, above which a disturbance 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Equilibrium(Solution):
+class Equilibrium(AlgebraicSolution):
     """A state of one mode at which the field vanishes.
 
     Attributes
@@ -62,6 +62,11 @@ class Equilibrium(Solution):
 
     noun = "an equilibrium"
     at_rest = True
+    packed = (
+        Packed("state", ("state",)),
+        Packed("eigenvalue", ("eigenvalue",), complex),
+        Packed("mode", (), int, lambda system: len(system.modes) - 1),
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "state", frozen(self.state))
@@ -96,9 +101,26 @@ class Equilibrium(Solution):
         return int(np.sum(self.eigenvalues.real > _GROWS * np.abs(self.eigenvalues).max()))
 
     @property
-    def regular(self) -> bool:
-        """Whether the state lies where its mode holds: `sound`. A virtual equilibrium is none of the system."""
-        return self.sound
+    def begins_in(self) -> str:
+        """See `AlgebraicSolution.begins_in`: `mode`."""
+        return self.mode
+
+    @staticmethod
+    def _held_system(held: Contents) -> HybridSystem:
+        """See `AlgebraicSolution._held_system`."""
+        return held_system(held)
+
+    def pack(self) -> tuple[Any, ...]:
+        """Return state, eigenvalues and index of the mode."""
+        return self.state, self.eigenvalues, self.system.mode_index(self.mode)
+
+    @classmethod
+    def _unpack(
+        cls, system: Any, parameters: Mapping[str, float], parts: Sequence[Any], residual: float, reasons: Sequence[str]
+    ) -> Self:
+        """See `AlgebraicSolution._unpack`."""
+        state, values, mode = parts
+        return cls(system, parameters, system.mode_names[mode], state, values, residual, tuple(reasons))
 
     def _multiplicity(self, type: str, varied: Sequence[str]) -> int:
         (along, *_), x = varied, self.state

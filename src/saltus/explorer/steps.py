@@ -33,8 +33,6 @@ __all__ = [
     "taken",
 ]
 
-_SOLUTIONS = ("orbit", "equilibrium", "cycle")  # attributes of a special point that hold what solves there
-
 
 class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -58,10 +56,10 @@ class Place(_Frozen):
     label: str | None = None
 
     def text(self, holder: str = "orbit") -> str:
-        """Return the place as Python; `holder` is the attribute or method that gives the solution."""
+        """Return the place as Python; `holder` is the attribute of a special point that holds the solution."""
         if self.label is not None:
             return f"{self.of}[{self.label!r}].{holder}"
-        return self.of if self.index is None else f"{self.of}.{holder}({self.index})"
+        return self.of if self.index is None else f"{self.of}.solution({self.index})"
 
 
 def taken(place: Place, results: Mapping[str, Any]) -> Any:
@@ -86,12 +84,7 @@ def taken(place: Place, results: Mapping[str, Any]) -> Any:
         return result[place.label].solution
     if place.index is None:
         return result
-    return getattr(result, holder_of(result))(place.index)
-
-
-def holder_of(result: Any) -> str:
-    """Return the name of the attribute or method by which a branch or its special points give solutions."""
-    return next((name for name in _SOLUTIONS if callable(getattr(result, name, None))), "orbit")
+    return result.solution(place.index)
 
 
 class Step(_Frozen, ABC):

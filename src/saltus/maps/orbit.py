@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from saltus import checks
+from saltus.algebraic.solution import AlgebraicSolution, Packed
 from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.maps.problem import CycleProblem
 from saltus.maps.spectrum import NEUTRAL, count_outside, multiplicity, multipliers_of
 from saltus.result import frozen
-from saltus.solution import Solution
 from saltus.system.angles import TURN
 from saltus.system.evaluate import evaluate
 from saltus.system.maps import Map
@@ -32,7 +32,7 @@ _SHOWN = 4  # points that a `repr` lists
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MapOrbit(Solution):
+class MapOrbit(AlgebraicSolution):
     """A fixed point or a cycle of a map; made by `solve_orbit` and `find_orbit`.
 
     Attributes
@@ -62,6 +62,11 @@ class MapOrbit(Solution):
     reasons: tuple[str, ...] = ()
 
     noun = "a cycle"
+    packed = (
+        Packed("x", ("iteration", "state")),
+        Packed("multiplier", ("multiplier",), complex),
+        Packed("piece", ("iteration",), int, lambda system: len(system.pieces) - 1),
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen(self.points))
@@ -102,9 +107,27 @@ class MapOrbit(Solution):
         return count_outside(self.multipliers)
 
     @property
-    def regular(self) -> bool:
-        """Whether each point lies where its piece holds: `sound`. A virtual cycle is none of the map."""
-        return self.sound
+    def begins_in(self) -> str:
+        """See `AlgebraicSolution.begins_in`: the first of `itinerary`."""
+        return self.itinerary[0]
+
+    @staticmethod
+    def _held_system(held: Contents) -> Map:
+        """See `AlgebraicSolution._held_system`."""
+        return held_map(held)
+
+    def pack(self) -> tuple[Any, ...]:
+        """Return points, multipliers and indices of the pieces."""
+        return self.points, self.multipliers, itinerary_of(self.system, self.itinerary)
+
+    @classmethod
+    def _unpack(
+        cls, system: Any, parameters: Mapping[str, float], parts: Sequence[Any], residual: float, reasons: Sequence[str]
+    ) -> Self:
+        """See `AlgebraicSolution._unpack`."""
+        points, values, pieces = parts
+        itinerary = tuple(system.piece_names[k] for k in pieces.tolist())
+        return cls(system, parameters, points, itinerary, values, residual, tuple(reasons))
 
     def _multiplicity(self, type: str, varied: Sequence[str]) -> int:
         return multiplicity(self.multipliers, type)

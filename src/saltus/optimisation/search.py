@@ -252,7 +252,7 @@ def _orbits_of_branch(
         short = np.maximum(short, limit.side * (table[limit.index] - limit.bound) / sizes[limit.index])
     objective = -table[0] if goal == "maximise" else table[0]
     order = np.lexsort((objective, np.where(short <= _SHORT, 0.0, short)))
-    yield from (start.orbit(int(i)) for i in order[usable[order]][:_TRIED])
+    yield from (start.solution(int(i)) for i in order[usable[order]][:_TRIED])
 
 
 def _column(branch: Branch, name: str) -> NDArray[np.float64]:

@@ -150,6 +150,10 @@ class PeriodicOrbit(Solution):
         """Whether the orbit is a motion of the system: `sound`. `reasons` says why it is not."""
         return self.sound
 
+    def _held_value(self, name: str) -> float | None:
+        """See `Solution._held_value`."""
+        return self.fixed.value if self.fixed is not None and self.fixed.quantity == name else None
+
     def _multiplicity(self, type: str, varied: Sequence[str]) -> int:
         return multiplicity(self.multipliers[:-1] if self.system.phase is None else self.multipliers, type)
 
@@ -195,9 +199,8 @@ class PeriodicOrbit(Solution):
         return MappingProxyType(self._extremes(self.highs))
 
     def _extremes(self, values: NDArray[np.float64]) -> dict[str, float]:
-        names = (*self.system.all_states, *self.system.output_names)
-        return {name: float(value) for name, value in zip(names, values, strict=True)
-                if self.system.phase is None or name != self.system.phase[0]}  # fmt: skip
+        names, phase = (*self.system.all_states, *self.system.output_names), (self.system.phase or ("",))[0]
+        return {name: float(value) for name, value in zip(names, values, strict=True) if name != phase}
 
     @property
     def unknowns(self) -> NDArray[np.float64]:
@@ -224,8 +227,7 @@ class PeriodicOrbit(Solution):
         InputError
             There is no such parameter.
         """
-        p = self.system.parameter_vector(self.parameters)
-        known = self.system.parameter_names
+        p, known = self.system.parameter_vector(self.parameters), self.system.parameter_names
         wanted = (active,) if isinstance(active, str) else checks.names("active", active, "names of parameters")
         index = [known.index(name if name in known else checks.chosen("active", name, known)) for name in wanted]
         scales = np.full(len(index), checks.positive("scale", scale))

@@ -24,13 +24,13 @@ _HOMES = {
     "saltus.continuation.results.diagram.Diagram": "saltus.plotting.diagram",
     "saltus.continuation.results.family.Family": "saltus.plotting.family",
     "saltus.continuation.results.cascade.Cascade": "saltus.plotting.cascade",
-    "saltus.continuation.results.locus.Locus": "saltus.plotting.locus",
     "saltus.equilibria.equilibrium.Equilibrium": "saltus.plotting.equilibrium",
-    "saltus.continuation.results.equilibrium_branch.EquilibriumBranch": "saltus.plotting.equilibrium",
+    "saltus.continuation.results.locus.Locus": "saltus.plotting.locus",
+    "saltus.continuation.results.equilibrium_branch.EquilibriumBranch": "saltus.plotting.branch",
     "saltus.continuation.results.equilibrium_locus.EquilibriumLocus": "saltus.plotting.locus",
+    "saltus.continuation.results.map_locus.MapLocus": "saltus.plotting.locus",
     "saltus.maps.orbit.MapOrbit": "saltus.plotting.cycle",
     "saltus.continuation.results.map_curve.MapBranch": "saltus.plotting.cycle",
-    "saltus.continuation.results.map_locus.MapLocus": "saltus.plotting.locus",
     "saltus.continuation.results.map_cascade.MapCascade": "saltus.plotting.cascade",
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
@@ -41,6 +41,12 @@ _HOMES = {
     "saltus.afm.curves.bistable_region.Bistability": "saltus.afm.pictures.bistable_picture",
     "saltus.afm.fm.shift_curve.FrequencyShift": "saltus.afm.pictures.shift_picture",
     "saltus.basins.measures.erosion.ErosionProfile": "saltus.plotting.erosion",
+}
+
+# The same of branches and loci of any other kind of solution, by their bases.
+_BASES = {
+    "saltus.continuation.results.parameters.OneParameter": "saltus.plotting.branch",
+    "saltus.continuation.results.parameters.TwoParameters": "saltus.plotting.locus",
 }
 
 
@@ -63,7 +69,8 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
         There is no picture of this kind of result, or a quantity has another name.
     """
     kinds = (f"{kind.__module__}.{kind.__qualname__}" for kind in type(result).__mro__)
-    home = next((_HOMES[kind] for kind in kinds if kind in _HOMES), None)
+    homes = _HOMES | _BASES
+    home = next((homes[kind] for kind in kinds if kind in homes), None)
     if home is None:
         drawn = ", ".join(kind.rsplit(".", 1)[1] for kind in _HOMES)
         raise InputError("result", type(result).__name__, f"a result that can be drawn: {drawn}")

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import singledispatch
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.continuation.results.branch import Branch
-from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
-from saltus.continuation.results.map_curve import MapBranch
+from saltus.continuation.results.parameters import OneParameter
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.equilibria import Equilibrium
-from saltus.maps import MapOrbit
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
@@ -25,17 +23,15 @@ if TYPE_CHECKING:
     from saltus.system import HybridSystem
 
 __all__ = [
-    "AnyBranch",
     "Piece",
     "default_axes",
     "draw_branch",
     "draw_pieces",
     "draw_special",
     "pieces_of",
+    "plot_any_branch",
     "plot_branch",
 ]
-
-AnyBranch = Branch | EquilibriumBranch | MapBranch
 
 _SPLITS = ("SN", "PD", "TR", "BP", "HB")  # special points at which stability may change
 _MEETINGS = ("GR", "BE", "BC")  # special points at which the equations change
@@ -51,7 +47,7 @@ class Piece:
     Attributes
     ----------
     kind : str
-        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria, cycles).
+        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (of other kinds).
     x, y : ndarray, shape (vertex,)
         Vertices of the curve: points of the branch, and interpolated ones between them.
     """
@@ -102,7 +98,46 @@ def plot_branch(
     return draw_branch([branch], x, y, ax, special=special, legend=legend)
 
 
-def draw_branch(branches: Sequence[AnyBranch], x: str, y: str, ax: Axes | None, *, special: bool, legend: bool) -> Axes:
+@plot.register(OneParameter)
+def plot_any_branch(
+    branch: OneParameter[Any],
+    x: str | None = None,
+    y: str | None = None,
+    *,
+    ax: Axes | None = None,
+    special: bool = True,
+    legend: bool = True,
+) -> Axes:
+    """Draw a branch of equilibria, or of any other kind of solution, and return the matplotlib Axes.
+
+    Stable solutions are solid, unstable ones dashed, virtual ones dotted in grey. The curve is interpolated between
+    its points as that of a `Branch`.
+
+    Parameters
+    ----------
+    branch : EquilibriumBranch or another
+        The branch.
+    x, y : str, optional
+        Quantities that its `column` knows. By default the parameter, and the first output or state.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; by default in a new figure.
+    special, legend : bool, optional
+        Whether special points are drawn, and whether a legend names line kinds and special points.
+
+    Raises
+    ------
+    InputError
+        A quantity of another name.
+    """
+    style.check_options(ax, x, y, special=special, legend=legend)
+    x = branch.parameter if x is None else x
+    y = [*branch.system.output_names, *branch.system.states][0] if y is None else y
+    return draw_branch([branch], x, y, ax, special=special, legend=legend)
+
+
+def draw_branch(
+    branches: Sequence[OneParameter[Any]], x: str, y: str, ax: Axes | None, *, special: bool, legend: bool
+) -> Axes:
     """Draw a branch; the options are those of `plot_branch`, checked. One of cycles is given once for each point."""
     pieces = [piece for branch in branches for piece in pieces_of(branch, x, y)]
     ax = style.axes(ax)
@@ -133,7 +168,9 @@ def draw_pieces(ax: Axes, pieces: Iterable[Piece]) -> None:
         named.add(piece.kind)
 
 
-def draw_special(ax: Axes, branch: AnyBranch, x: str, y: str, drawn: Iterable[SpecialPoint[Any]] | None = None) -> None:
+def draw_special(
+    ax: Axes, branch: OneParameter[Any], x: str, y: str, drawn: Iterable[SpecialPoint[Any]] | None = None
+) -> None:
     """Draw special points of a branch, by default all, with a label for each type."""
     chosen = [*(branch.special_points if drawn is None else drawn)]
     for kind in dict.fromkeys(point.type for point in chosen):
@@ -148,11 +185,11 @@ def draw_special(ax: Axes, branch: AnyBranch, x: str, y: str, drawn: Iterable[Sp
         )
 
 
-def _at(branch: AnyBranch, point: Any, name: str) -> float:
+def _at(branch: OneParameter[Any], point: Any, name: str) -> float:
     return branch.value_at(point, name)
 
 
-def pieces_of(branch: AnyBranch, x: str, y: str, phase: float = 0.0) -> list[Piece]:
+def pieces_of(branch: OneParameter[Any], x: str, y: str, phase: float = 0.0) -> list[Piece]:
     """Return a branch as connected curves, each of one kind; phase: that at which its states are drawn."""
     nodes = _nodes(branch, x, y, phase)
     if len(nodes.x) < 2:
@@ -185,43 +222,12 @@ class _Nodes:
     kind: list[str]
 
 
-@dataclass(frozen=True)
-class _Traits:
-    """What a picture needs to know of a branch's points.
-
-    Attributes
-    ----------
-    sound : ndarray of bool, shape (point,)
-        Whether the solution is a motion of the system.
-    fault : str
-        The kind of those that are none.
-    equations : ndarray of int, shape (point,)
-        Number of the equations: signature, mode or itinerary.
-    states : ndarray, shape (point, state)
-        The equilibrium, where the orbit starts, or all points of the cycle.
-    """
-
-    sound: NDArray[np.bool_]
-    fault: str
-    equations: NDArray[np.int64]
-    states: NDArray[np.float64]
-
-
-def _traits(branch: AnyBranch) -> _Traits:
-    if isinstance(branch, EquilibriumBranch):
-        return _Traits(branch.regular, "virtual", branch.mode, branch.states)
-    if isinstance(branch, MapBranch):
-        return _Traits(branch.regular, "virtual", branch.form, branch.points.reshape(len(branch), -1))
-    return _Traits(branch.admissible, "not admissible", branch.form, branch.x0)
-
-
-def _nodes(branch: AnyBranch, x: str, y: str, phase: float) -> _Nodes:
+def _nodes(branch: OneParameter[Any], x: str, y: str, phase: float) -> _Nodes:
     columns = np.array([branch.column(x), branch.column(y)])
     specials: list[SpecialPoint[Any]] = [*branch.special_points]
     if not len(branch):
         return _Nodes(np.empty(0), np.empty(0), np.empty(0), np.empty(0, bool), [])
-    traits = _traits(branch)
-    twins = _twins(branch, traits, specials)
+    twins = _twins(branch, specials)
     rows = [row for row in range(len(branch)) if row not in twins.values()]
     s, place, corner, kind = [float(branch.arclength[rows[0]])], [columns[:, rows[0]]], [False], []
     leaps, is_state = _leaps(branch, x, y, phase), np.array([name in branch.system.states for name in (x, y)])
@@ -232,9 +238,9 @@ def _nodes(branch: AnyBranch, x: str, y: str, phase: float) -> _Nodes:
             between = ends @ (1.0 - share, share)
             sides = [np.where(is_state, ends[:, side], between) for side in (0, 1)]
             kind += [
-                *_kinds(traits, branch.stable, row, row, []),
+                *_kinds(branch, row, row, []),
                 _GAP,
-                *_kinds(traits, branch.stable, after, after, []),
+                *_kinds(branch, after, after, []),
             ]
             s += [at, at, float(branch.arclength[after])]
             place += [*sides, ends[:, 1]]
@@ -242,20 +248,26 @@ def _nodes(branch: AnyBranch, x: str, y: str, phase: float) -> _Nodes:
             continue
         points = [point for point in specials if row < point.position < after]
         met = [point.type in _MEETINGS for point in points]
-        kind += _kinds(traits, branch.stable, row, after, points)
+        kind += _kinds(branch, row, after, points)
         s += [*(point.arclength for point in points), float(branch.arclength[after])]
         place += [np.array([_at(branch, point, x), _at(branch, point, y)]) for point in points]
         place.append(columns[:, after])
         corner += met
-        corner.append(bool(traits.equations[row] != traits.equations[after]) and not any(met))
+        corner.append(bool(branch.equations[row] != branch.equations[after]) and not any(met))
     table = np.array(place)
     return _Nodes(_growing(np.array(s)), table[:, 0], table[:, 1], np.array(corner), kind)
 
 
-def _leaps(branch: AnyBranch, x: str, y: str, phase: float) -> NDArray[np.float64]:
+@singledispatch
+def _leaps(branch: OneParameter[Any], x: str, y: str, phase: float) -> NDArray[np.float64]:
     """Return for each interval where in it a state that is drawn leaps, since its reset passes the phase; else NaN."""
+    return np.full(max(len(branch) - 1, 0), np.nan)
+
+
+@_leaps.register(Branch)
+def _(branch: Branch, x: str, y: str, phase: float) -> NDArray[np.float64]:
     leaps = np.full(max(len(branch) - 1, 0), np.nan)
-    if not isinstance(branch, Branch) or branch.system.phase is None:
+    if branch.system.phase is None:
         return leaps
     resets = [bool({x, y} & set(transition.reset)) for transition in branch.system.transitions]
     wide, ahead = len(branch.system.all_states) + 1, np.full(len(branch), np.nan)
@@ -278,37 +290,28 @@ def _growing(s: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.append(s[:1], s[0] + np.cumsum(np.maximum(np.diff(s), least)))
 
 
-def _twins(branch: AnyBranch, traits: _Traits, specials: list[SpecialPoint[Any]]) -> dict[int, int]:
+def _twins(branch: OneParameter[Any], specials: list[SpecialPoint[Any]]) -> dict[int, int]:
     """Return, by index, the points at which equations change that are also points of the branch, in the others."""
     twins: dict[int, int] = {}
     width = float(np.ptp(branch.values)) or 1.0
     for i, point in enumerate(specials):
-        own = _states_of(point.solution)
         for row in (int(np.floor(point.position)), int(np.ceil(point.position))):
             if point.type in _MEETINGS and 0 < row < len(branch) - 1:
                 apart = abs(branch.values[row] - point.value(branch.parameter))
-                near = np.allclose(traits.states[row], own, rtol=_NEAREST, atol=_NEAREST)
+                near = np.allclose(branch.x0[row], point.solution.x0, rtol=_NEAREST, atol=_NEAREST)
                 if near and apart < _NEAREST * width:
                     twins[i] = row
     return twins
 
 
-def _states_of(solution: Any) -> NDArray[np.float64]:
-    """Return what `_Traits.states` has of a special point's solution."""
-    if isinstance(solution, MapOrbit):
-        return solution.points.ravel()
-    return np.asarray(solution.x0)
-
-
-def _kinds(
-    traits: _Traits, stable: NDArray[np.bool_], row: int, after: int, between: list[SpecialPoint[Any]]
-) -> list[str]:
+def _kinds(branch: OneParameter[Any], row: int, after: int, between: list[SpecialPoint[Any]]) -> list[str]:
     """Return the kinds of the intervals between two points, divided by the special points between them."""
-    first, last = (("stable" if stable[i] else "unstable") if traits.sound[i] else traits.fault for i in (row, after))
+    told = ["stable" if branch.stable[i] else "unstable" for i in (row, after)]
+    first, last = (kind if branch.sound[i] else branch.fault for kind, i in zip(told, (row, after), strict=True))
     if not between:
         if first == last:
             return [first]
-        return [traits.fault if traits.fault in (first, last) else "unstable"]
+        return [branch.fault if branch.fault in (first, last) else "unstable"]
     kinds = [first, *[""] * (len(between) - 1), last]
     meetings = [i for i, point in enumerate(between) if point.type in _MEETINGS]
     ahead = meetings[0] if meetings else len(between)
@@ -325,12 +328,7 @@ def _beyond(kind: str, point: SpecialPoint[Any]) -> str:
         return kind
     if kind == "stable":
         return "unstable"
-    if isinstance(point.solution, Equilibrium):
-        values = point.solution.eigenvalues
-        unstable = int(np.sum(values.real > 1e-6 * np.abs(values).max()))
-    else:
-        unstable = int(np.sum(np.abs(point.solution.multipliers) > 1.0 + 1e-6))
-    return "unstable" if unstable else "stable"
+    return "unstable" if point.solution.unstable else "stable"
 
 
 def _smooth(

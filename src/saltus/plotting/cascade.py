@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from saltus.continuation.results.map_cascade import MapCascade
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
 from saltus.flow import simulate
+from saltus.maps import MapOrbit
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_pieces, pieces_of
 from saltus.plotting.cycle import at_each_point, turned_cycle
@@ -70,9 +72,9 @@ def plot_cascade(
     levels = [_sheets(branch, 2 ** (k + 1)) if tree else [branch] for k, branch in enumerate(branches)]
     pieces = [
         piece
-        for sheets in levels
+        for first, sheets in zip(branches, levels, strict=True)
         for j, branch in enumerate(sheets)
-        for piece in pieces_of(branch, x, y, 2.0 * math.pi * _turns(branch) * j / len(sheets))
+        for piece in pieces_of(branch, x, y, 2.0 * math.pi * _turns(first) * j / len(sheets))
     ]
     places = _doublings(cascade, levels, x, y) if special else []
     ax = style.axes(ax)
@@ -95,22 +97,47 @@ def _doublings(cascade: Cascade | MapCascade, levels: list[Any], x: str, y: str)
         return []
     first = cascade.branches[0]
     start: SpecialPoint[Any] = replace(cascade.start, arclength=float(first.arclength[0]))
-    turns = range(start.cycle.period) if isinstance(cascade, MapCascade) else ()
-    starts = [replace(start, solution=turned_cycle(start.cycle, k)) for k in turns] or [start]
+    starts = [replace(start, solution=solution) for solution in _turned(start.solution)]
     ends = [(branch, branch.special_points.of_type("PD")[:1]) for sheets in levels for branch in sheets]
     owners = [*((first, point) for point in starts), *((branch, point) for branch, found in ends for point in found)]
     return [(branch.value_at(point, x), branch.value_at(point, y)) for branch, point in owners]
 
 
-def _turns(branch: Branch | MapBranch) -> int:
+@singledispatch
+def _turned(solution: Any) -> list[Any]:
+    """Return a solution once for each return at which a first doubling is drawn."""
+    return [solution]
+
+
+@_turned.register(MapOrbit)
+def _(solution: MapOrbit) -> list[MapOrbit]:
+    return [turned_cycle(solution, k) for k in range(solution.period)]
+
+
+@singledispatch
+def _turns(branch: Any) -> int:
     """Return how many periods of the phase the period of a branch's orbits has."""
-    return max(branch.forms[0].turns, 1) if isinstance(branch, Branch) and branch.forms else 1
+    return 1
 
 
-def _sheets(branch: Branch | MapBranch, count: int) -> Sequence[Branch | MapBranch]:
+@_turns.register(Branch)
+def _(branch: Branch) -> int:
+    return max(branch.forms[0].turns, 1) if branch.forms else 1
+
+
+@singledispatch
+def _sheets(branch: Any, count: int) -> Sequence[Any]:
     """Return a branch `count` times, its states those at each return; once where returns are unknown."""
-    if isinstance(branch, MapBranch):
-        return at_each_point(branch)
+    return [branch]
+
+
+@_sheets.register(MapBranch)
+def _(branch: MapBranch, count: int) -> Sequence[MapBranch]:
+    return at_each_point(branch)
+
+
+@_sheets.register(Branch)
+def _(branch: Branch, count: int) -> Sequence[Branch]:
     system, names = branch.system, (branch.parameter,)
     wide = len(system.all_states) + 1
     points = list(branch.special_points)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -137,7 +137,7 @@ def plot_map_branch(
     return drawn
 
 
-def leave_out_the_unbounded(ax: Axes, branches: Sequence[MapBranch], y: str) -> None:
+def leave_out_the_unbounded(ax: Axes, branches: Sequence[Any], y: str) -> None:
     """Limit the axis to where branches that run to infinity still depend on the parameter."""
     shown, hidden = [np.empty(0)], False
     for branch in branches:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
 from saltus.continuation.results.diagram import Diagram, DiagramBranch
-from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_special, pieces_of
@@ -57,21 +57,20 @@ def plot_diagram(
     for i, point in diagram.numbered():
         once[i].append(point)
     for i, branch in enumerate(diagram):
-        rest, what = _described(branch)
+        what = branch.called if branch.at_rest else "cycles"
         for shown, quantity, points in _curves(branch, y, once[i]):
             for piece in pieces_of(shown, diagram.parameter, quantity):
                 options: dict[str, Any] = dict(style.LINES[piece.kind])
                 label = piece.kind
                 if piece.kind not in style.FAULTY:
-                    options |= {} if rest else {"color": _CYCLES}
+                    options |= {} if branch.at_rest else {"color": _CYCLES}
                     label = f"{piece.kind} {what}"
                 ax.plot(piece.x, piece.y, label="_" if label in named else label, **options)
                 named.add(label)
             if special:
                 draw_special(ax, shown, diagram.parameter, quantity, points)
-    cycles = [branch for branch in diagram if isinstance(branch, MapBranch)]
-    if alone and cycles:
-        leave_out_the_unbounded(ax, cycles, y)
+    if alone and diagram.system.iteration is not None:
+        leave_out_the_unbounded(ax, diagram.branches, y)
     ax.set_xlabel(style.label_of(diagram.parameter))
     ax.set_ylabel(style.label_of(y))
     if legend:
@@ -79,23 +78,21 @@ def plot_diagram(
     return ax
 
 
-def _described(branch: DiagramBranch) -> tuple[bool, str]:
-    """Return whether a branch is at rest, and what a legend calls it."""
-    if isinstance(branch, MapBranch):
-        return branch.period == 1, "fixed points" if branch.period == 1 else "cycles"
-    rest = isinstance(branch, EquilibriumBranch)
-    return rest, "equilibria" if rest else "cycles"
-
-
+@singledispatch
 def _curves(
     branch: DiagramBranch, y: str, points: list[SpecialPoint[Any]]
 ) -> list[tuple[DiagramBranch, str, list[SpecialPoint[Any]]]]:
     """Return the curves of a branch, each as a branch and a quantity, with those special points that are drawn."""
-    if isinstance(branch, MapBranch):
-        drawn = [k for k, own in enumerate(branch.special_points) if any(own.solution is p.solution for p in points)]
-        return [(sheet, y, [sheet.special_points[k] for k in drawn]) for sheet in at_each_point(branch)]
-    names = [y] if isinstance(branch, EquilibriumBranch) else [f"min_{y}", f"max_{y}"]
+    names = [y] if branch.at_rest else [f"min_{y}", f"max_{y}"]
     return [(branch, name, points) for name in names]
+
+
+@_curves.register(MapBranch)
+def _(
+    branch: MapBranch, y: str, points: list[SpecialPoint[Any]]
+) -> list[tuple[DiagramBranch, str, list[SpecialPoint[Any]]]]:
+    drawn = [k for k, own in enumerate(branch.special_points) if any(own.solution is p.solution for p in points)]
+    return [(sheet, y, [sheet.special_points[k] for k in drawn]) for sheet in at_each_point(branch)]
 
 
 def _draw_legend(ax: Axes) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of equilibria: eigenvalues in the complex plane, and branches along a parameter."""
+"""Pictures of equilibria: eigenvalues in the complex plane."""
 
 from __future__ import annotations
 
@@ -6,16 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.spectrum import NEUTRAL
 from saltus.plotting import plot, style
-from saltus.plotting.branch import draw_branch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_equilibrium", "plot_equilibrium_branch"]
+__all__ = ["plot_equilibrium"]
 
 _MARGIN = 0.15  # room round the eigenvalues, over their largest modulus
 
@@ -61,40 +59,3 @@ def plot_equilibrium(equilibrium: Equilibrium, *, ax: Axes | None = None, legend
     if legend and values.size:
         ax.legend()
     return ax
-
-
-@plot.register(EquilibriumBranch)
-def plot_equilibrium_branch(
-    branch: EquilibriumBranch,
-    x: str | None = None,
-    y: str | None = None,
-    *,
-    ax: Axes | None = None,
-    special: bool = True,
-    legend: bool = True,
-) -> Axes:
-    """Draw a branch of equilibria and return the matplotlib Axes.
-
-    Stable equilibria are solid, unstable ones dashed, virtual ones dotted in grey. The curve is interpolated between
-    its points as that of a `Branch`.
-
-    Parameters
-    ----------
-    branch : EquilibriumBranch
-        The branch.
-    x, y : str, optional
-        Quantities that `EquilibriumBranch.column` knows. By default the parameter, and the first output or state.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; by default in a new figure.
-    special, legend : bool, optional
-        Whether special points are drawn, and whether a legend names line kinds and special points.
-
-    Raises
-    ------
-    InputError
-        A quantity of another name.
-    """
-    style.check_options(ax, x, y, special=special, legend=legend)
-    x = branch.parameter if x is None else x
-    y = [*branch.system.output_names, *branch.system.states][0] if y is None else y
-    return draw_branch([branch], x, y, ax, special=special, legend=legend)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
-from saltus.continuation.results.locus import Locus
-from saltus.continuation.results.map_locus import MapLocus
+from saltus.continuation.results.parameters import TwoParameters
 from saltus.errors import InputError
 from saltus.plotting import plot, style
-from saltus.plotting.space import AnyLocus, axes_in_space, coordinates_of, stretches_of
+from saltus.plotting.space import axes_in_space, coordinates_of, stretches_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,11 +19,9 @@ __all__ = ["plot_locus"]
 _WIDE = 80  # characters of three entries of a legend from which on it has two columns
 
 
-@plot.register(Locus)
-@plot.register(EquilibriumLocus)
-@plot.register(MapLocus)
+@plot.register(TwoParameters)
 def plot_locus(
-    locus: AnyLocus,
+    locus: TwoParameters[Any],
     x: str | None = None,
     y: str | None = None,
     *,
@@ -99,14 +95,14 @@ def _draw_legend(ax: Axes, above: bool) -> None:
         style.draw_legend(ax)
 
 
-def _meaning(locus: AnyLocus, stability: str) -> str:
+def _meaning(locus: TwoParameters[Any], stability: str) -> str:
     if stability in style.FAULTY:
         return stability
     known = f"{locus.type}, {style.SPECIAL[locus.type].meaning}"
     return known + (f", of unstable {locus.counted}" if stability == "unstable" else "")
 
 
-def _draw_special(ax: Axes, locus: AnyLocus, names: list[str]) -> None:
+def _draw_special(ax: Axes, locus: TwoParameters[Any], names: list[str]) -> None:
     for kind in dict.fromkeys(point.type for point in locus.special_points):
         marker = style.SPECIAL[kind]
         places = [coordinates_of(locus, point, names) for point in locus.special_points.of_type(kind)]

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import singledispatch
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.results.branch import Branch
-from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
-from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
-from saltus.continuation.results.locus import Locus
-from saltus.continuation.results.map_curve import MapBranch
-from saltus.continuation.results.map_locus import MapLocus
+from saltus.continuation.results.curve import SolutionCurve
+from saltus.continuation.results.parameters import OneParameter, TwoParameters
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.errors import InputError
 from saltus.plotting import style
@@ -26,8 +23,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
-    "AnyLocus",
-    "Curve",
     "Stretch",
     "axes_in_space",
     "coordinates_of",
@@ -35,9 +30,6 @@ __all__ = [
     "draw_level",
     "stretches_of",
 ]
-
-AnyLocus = Locus | EquilibriumLocus | MapLocus
-Curve = Branch | EquilibriumBranch | MapBranch | AnyLocus
 
 _VERTICES = 2000  # vertices of a locus, about
 _COINCIDENT = 1e-3  # distance in arclength, over a mean step, up to which two nodes of a locus are one
@@ -65,7 +57,8 @@ class Stretch:
     places: NDArray[np.float64]
 
 
-def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
+@singledispatch
+def stretches_of(curve: Any, names: Sequence[str]) -> list[Stretch]:
     """Return a branch or a locus as connected smooth curves, each of one kind.
 
     Parameters
@@ -80,10 +73,11 @@ def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
     InputError
         A quantity of another name.
     """
-    if isinstance(curve, AnyLocus):
-        return _stretches_of_locus(curve, names)
-    if not isinstance(curve, Curve):
-        raise InputError("curve", type(curve).__name__, "a Branch or a Locus")
+    raise InputError("curve", type(curve).__name__, "a Branch or a Locus")
+
+
+@stretches_of.register(OneParameter)
+def _(curve: OneParameter[Any], names: Sequence[str]) -> list[Stretch]:
     along = [name for name in names if not _is_constant(curve, name)]
     first = along[0] if along else curve.parameter
     tables = {name: pieces_of(curve, first, name) for name in along or [first]}
@@ -96,16 +90,8 @@ def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
     return stretches
 
 
-def coordinates_of(curve: Curve, point: SpecialPoint[Any], names: Sequence[str]) -> NDArray[np.float64]:
-    """Return quantities of `stretches_of` at a special point of a curve; shape (quantity,)."""
-    return np.array([point.parameters[n] if _is_constant(curve, n) else curve.value_at(point, n) for n in names])
-
-
-def _is_constant(curve: Curve, name: str) -> bool:
-    return name in curve.parameters and name not in curve.varied
-
-
-def _stretches_of_locus(locus: AnyLocus, names: Sequence[str]) -> list[Stretch]:
+@stretches_of.register(TwoParameters)
+def _(locus: TwoParameters[Any], names: Sequence[str]) -> list[Stretch]:
     """Return a locus as curves, interpolated in arclength by modified Akima splines, which hardly overshoot."""
     points = np.array([_column(locus, name) for name in names]).T
     nodes = [(s, points[i], _kind(locus, i)) for i, s in enumerate(locus.arclength.tolist())]
@@ -131,16 +117,23 @@ def _stretches_of_locus(locus: AnyLocus, names: Sequence[str]) -> list[Stretch]:
     ]
 
 
-def _column(locus: AnyLocus, name: str) -> NDArray[np.float64]:
+def coordinates_of(curve: SolutionCurve[Any], point: SpecialPoint[Any], names: Sequence[str]) -> NDArray[np.float64]:
+    """Return quantities of `stretches_of` at a special point of a curve; shape (quantity,)."""
+    return np.array([point.parameters[n] if _is_constant(curve, n) else curve.value_at(point, n) for n in names])
+
+
+def _is_constant(curve: SolutionCurve[Any], name: str) -> bool:
+    return name in curve.parameters and name not in curve.varied
+
+
+def _column(locus: TwoParameters[Any], name: str) -> NDArray[np.float64]:
     return np.full(len(locus), locus.parameters[name]) if _is_constant(locus, name) else locus.column(name)
 
 
-def _kind(locus: AnyLocus, index: int) -> str:
+def _kind(locus: TwoParameters[Any], index: int) -> str:
     """Return the kind of a point; a GR locus, whose multipliers are infinite, counts as stable."""
-    if not isinstance(locus, Locus):
-        return ("stable" if locus.stable[index] else "unstable") if locus.regular[index] else "virtual"
-    if not locus.admissible[index]:
-        return "not admissible"
+    if not locus.sound[index]:
+        return locus.fault
     return "stable" if locus.stable[index] or locus.type == "GR" else "unstable"
 
 
@@ -178,7 +171,7 @@ def axes_in_space() -> Axes3D:
 
 def draw_in_space(
     ax: Axes3D,
-    curve: Curve,
+    curve: SolutionCurve[Any],
     names: tuple[str, str, str],
     *,
     kinds: Collection[str] = tuple(style.LINES),

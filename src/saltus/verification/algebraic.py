@@ -42,6 +42,8 @@ class EquilibriumCheck:
         Sizes of the states; by default those of the equilibrium.
     """
 
+    shrinks_at: tuple[str, ...] = ()
+
     def __init__(self, equilibrium: Equilibrium, sizes: NDArray[np.float64] | None = None) -> None:
         self.equilibrium = equilibrium
         self.sizes = sizes_of(equilibrium.state) if sizes is None else sizes
@@ -119,6 +121,8 @@ class CycleCheck:
     sizes : ndarray, shape (states,), optional
         Sizes of the states; by default those of the cycle's points.
     """
+
+    shrinks_at: tuple[str, ...] = ()
 
     def __init__(self, orbit: MapOrbit, sizes: NDArray[np.float64] | None = None) -> None:
         self.orbit = orbit

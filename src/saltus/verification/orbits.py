@@ -64,7 +64,14 @@ class OrbitCheck:
     ----------
     orbit : PeriodicOrbit
         The orbit.
+
+    Attributes
+    ----------
+    shrinks_at : tuple of str
+        Types of special points at which the orbit is nothing but an equilibrium.
     """
+
+    shrinks_at = ("HB", "BE")
 
     def __init__(self, orbit: PeriodicOrbit) -> None:
         self.orbit = orbit

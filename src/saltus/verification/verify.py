@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.results.algebraic_curve import AlgebraicCurve
-from saltus.continuation.results.orbit_columns import OrbitColumns
+from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
@@ -80,14 +79,9 @@ def _(result: SpecialPoint, points: int) -> list[Row]:
     return _point_rows(result, None)
 
 
-@_rows.register
-def _(result: OrbitColumns, points: int) -> list[Row]:
-    return _curve_rows(result, result.orbit, points)
-
-
-@_rows.register(AlgebraicCurve)
-def _(result: AlgebraicCurve[Any], points: int) -> list[Row]:
-    return _curve_rows(result, result._solution, points)
+@_rows.register(SolutionCurve)
+def _(result: SolutionCurve[Any], points: int) -> list[Row]:
+    return _curve_rows(result, points)
 
 
 @singledispatch
@@ -119,7 +113,7 @@ def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> 
     check, multiplicity = _check(point.solution, sizes), getattr(point, "multiplicity", 1)
     wanted = [point.type] if not point.locus or point.type == point.locus else [point.locus, point.type]
     rows = [row for one in wanted for row in check.condition(one, multiplicity)]
-    if not (isinstance(check, OrbitCheck) and point.type in ("HB", "BE")):
+    if point.type not in check.shrinks_at:
         rows += [row for row in check.rows() if not _is_critical(row)]
     return placed(point.label, rows)
 
@@ -129,14 +123,14 @@ def _is_critical(row: Row) -> bool:
     return row.what in ("distance from Newton's solution", "place", "stable", "unstable directions", "admissible")
 
 
-def _curve_rows(curve: Any, solution: Any, points: int) -> list[Row]:
+def _curve_rows(curve: Any, points: int) -> list[Row]:
     """Return the checks of a curve: of some of its solutions, of all special points, and of what changes between."""
     chosen = _chosen(curve, points)
     rows: list[Row] = []
     counts: dict[int, tuple[int, bool]] = {}
-    sizes = sizes_of(curve._first_states()) if isinstance(curve, AlgebraicCurve) else None
+    sizes = sizes_of(curve.x0)
     for index in chosen:
-        check = _check(solution(index), sizes)
+        check = _check(curve.solution(index), sizes)
         rows += placed(_place(curve, index), check.rows())
         counts[index] = check.unstable()
         if len(curve.varied) > 1:

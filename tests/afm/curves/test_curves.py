@@ -55,7 +55,7 @@ def test_all_sheets_at_a_distance_have_their_readings(curve):
 
 def test_columns_of_a_curve_are_the_readings_of_its_orbits(curve):
     for i in (0, 17, 60, len(curve.branches[0]) - 1):
-        seen = afm.observables(curve.branches[0].orbit(i))
+        seen = afm.observables(curve.branches[0].solution(i))
         for name in curve.readings:
             along = curve.column(name)[i]
             assert math.remainder(along - seen[name], 360.0 if name == "lag_deg" else 1e9) == pytest.approx(
@@ -103,7 +103,7 @@ def test_a_curve_is_saved_and_read_back_equal(curve, tmp_path):
 def test_a_dataset_tells_the_regime_of_each_point_and_what_the_model_is_made_of(curve, tmp_path):
     told = curve.to_xarray()
     for i in (0, 17, 60, len(curve.branches[0]) - 1):
-        assert told["regime"].values[i] == afm.observables(curve.branches[0].orbit(i))["regime"]
+        assert told["regime"].values[i] == afm.observables(curve.branches[0].solution(i))["regime"]
     assert set(told["regime"].values) == {"attractive", "repulsive"}
     with xr.open_dataset(curve.save(tmp_path / "curve.nc"), engine="h5netcdf") as held:
         assert held["regime"].values.tolist() == told["regime"].values.tolist()

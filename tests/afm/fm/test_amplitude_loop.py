@@ -59,7 +59,7 @@ def test_orbits_of_the_loop_are_those_of_the_distance_curve(lever, held):
 
 
 def test_a_loop_that_does_nothing_leaves_the_multipliers_of_the_model(lever, held):
-    still = saltus.continue_orbit(held, "Ki_1_ms", (1e-6, 0.5)).orbit(0)
+    still = saltus.continue_orbit(held, "Ki_1_ms", (1e-6, 0.5)).solution(0)
     assert still.parameters["Ki_1_ms"] == pytest.approx(1e-6)
     own = saltus.find_orbit(lever, {"Zc_nm": float(held.x0[4])}, x0=held.x0[:2]).multipliers
     low_pass = math.exp(-held.period / TAU)
@@ -78,7 +78,7 @@ def test_a_simulated_loop_rings_above_the_onset_only(loop, held, onset):
         swing[factor] = [np.ptp(Zc[(times >= begin) & (times < begin + 1000.0)]) for begin in (4000.0, 12000.0)]
     assert swing[0.9][1] < 2e-4
     assert swing[0.9][1] < swing[0.9][0]
-    beyond = saltus.continue_orbit(held, "Ki_1_ms", (0.5, 1.1 * Ki)).orbit(-1)
+    beyond = saltus.continue_orbit(held, "Ki_1_ms", (0.5, 1.1 * Ki)).solution(-1)
     assert not beyond.stable
     rate = math.log(np.abs(beyond.multipliers).max()) / beyond.period
     assert math.log(swing[1.1][1] / swing[1.1][0]) / 8000.0 == pytest.approx(rate, rel=0.1)

@@ -354,7 +354,7 @@ def test_adhesion_costs_the_same_along_branches(schwarz):
     orbit = saltus.find_orbit(schwarz, x0=[0.0, 0.0])
     for name, bounds in (("w1_N_m", (0.02, 0.08)), ("R_nm", (5.0, 30.0))):
         branch = saltus.continue_orbit(orbit, name, bounds=bounds)
-        for end in (branch.orbit(0), branch.orbit(len(branch) - 1)):
+        for end in (branch.solution(0), branch.solution(len(branch) - 1)):
             p, seen = end.parameters, afm.observables(end)
             assert p[name] in (pytest.approx(bounds[0]), pytest.approx(bounds[1]))
             assert seen["E_ts_eV"] == pytest.approx(jkr_loss(p["E_GPa"], p["w1_N_m"], p["R_nm"]), rel=1e-9)
@@ -435,7 +435,7 @@ def test_a_branch_ends_where_gaps_change_their_order(neck):
     orbit = saltus.find_orbit(neck, x0=[0.0, 0.0])
     for name, bounds, last in (("on_nm", (0.1, 0.6), 0.3), ("off_nm", (0.2, 1.5), 0.6)):
         branch = saltus.continue_orbit(orbit, name, bounds=bounds, directions="down")
-        assert branch.orbit(len(branch) - 1).parameters[name] == pytest.approx(last, abs=1e-4)
+        assert branch.solution(len(branch) - 1).parameters[name] == pytest.approx(last, abs=1e-4)
         assert "domain" in branch.stopped[-1]
 
 

@@ -133,7 +133,7 @@ def test_one_harmonic_becomes_exact_with_the_quality_factor(attractive):
         for name, value in (("k_N_m", 26.0 * size), ("Q", 400.0 * size)):
             start = orbit.parameters[name]
             if value > start:
-                orbit = saltus.continue_orbit(orbit, name, bounds=(start, value), directions="up").orbit(-1)
+                orbit = saltus.continue_orbit(orbit, name, bounds=(start, value), directions="up").solution(-1)
                 assert orbit.parameters[name] == pytest.approx(value, rel=1e-12)
         seen = afm.observables(orbit)
         missed.append([abs(seen[f"{name}_1_eV"] / seen[f"{name}_eV"] - 1.0) for name in ("E_ts", "virial")])
@@ -179,7 +179,7 @@ def test_one_harmonic_is_exact_where_the_sample_is_linear(drive, Q):
 
 def test_harmonics_along_a_curve_are_those_of_its_orbits(curve):
     i = int(np.argmin(curve.column("amplitude_nm")))
-    seen = afm.observables(curve.branches[0].orbit(i))
+    seen = afm.observables(curve.branches[0].solution(i))
     for order in (1, 2, 6):
         assert curve.harmonic_nm(order)[i] == pytest.approx(seen.harmonic_nm(order), rel=1e-9)
     table = curve.to_xarray(harmonics=(2, 6))

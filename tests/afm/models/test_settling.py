@@ -160,7 +160,7 @@ def test_a_branch_ends_where_its_orbits_need_too_many_pieces():
     far = saltus.find_orbit(system, x0=[0.0, 0.0])
     branch = saltus.continue_orbit(far, "Zc_nm", (1.8, 13.5), steps=saltus.StepControl(pieces=4))
     assert branch.stopped[0].endswith("an orbit so unstable that it needs more than 4 pieces")
-    assert max(len(branch.orbit(i).form) for i in range(len(branch))) <= 4
+    assert max(len(branch.solution(i).form) for i in range(len(branch))) <= 4
     with pytest.raises(InputError, match=r"StepControl.pieces = 0: must be"):
         saltus.StepControl(pieces=0)
 

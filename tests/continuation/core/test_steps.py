@@ -375,7 +375,7 @@ def test_beyond_a_grazing_where_no_branch_goes_on_motions_part_at_once(start, bo
     branch = continue_orbit(tapping(*start), "Omega", bounds)
     (end,) = (i for i, reason in ((0, branch.stopped[0]), (-1, branch.stopped[1])) if "grazing" in reason)
     assert branch.stopped[end].endswith(f"the motion in '{mode}' does not turn back, so no orbit near it goes on")
-    orbit = branch.orbit(end)
+    orbit = branch.solution(end)
     touching = {"contact": 1, "flight": 0}[mode]
     gaps = []
     for shift in (-1e-9, 1e-9):
@@ -389,7 +389,7 @@ def test_beyond_a_grazing_where_no_branch_goes_on_motions_part_at_once(start, bo
 def test_no_orbit_is_kept_whose_flight_dips_through_the_surface_at_its_start():
     branch = continue_orbit(tapping(*DIPS), "Omega", (0.977, 0.995), directions="up")
     assert branch.values[-1] == pytest.approx(0.98935746, abs=5e-9)  # at 0.98934549 the next segment has no velocity
-    assert_motions(branch.orbit(i) for i in range(len(branch) - 1))  # at the end itself, motions part
+    assert_motions(branch.solution(i) for i in range(len(branch) - 1))  # at the end itself, motions part
 
 
 @pytest.mark.parametrize("steps", STEPS)
@@ -405,7 +405,7 @@ def test_a_branch_through_a_grazing_has_the_same_points_there_and_back(start, bo
     found = counts(there)
     assert {kind: found.get(kind, 0) for kind in expected} == expected
     for end in (0, -1):
-        back = continue_orbit(there.orbit(end), "Omega", bounds, steps=steps)
+        back = continue_orbit(there.solution(end), "Omega", bounds, steps=steps)
         assert counts(back) == found
         for kind in found:
             np.testing.assert_allclose(values(back, kind), values(there, kind), atol=1e-9, err_msg=kind)
@@ -422,7 +422,7 @@ def test_beyond_a_grazing_that_makes_two_halves_alike_the_orbit_is_followed_once
 @pytest.mark.parametrize("index", [0, 3, 9])
 def test_a_branch_leaves_a_grazing_of_two_halves_by_the_contact_that_ends_from_any_start(index):
     branch = continue_orbit(tapping(*FOUR_TURNS), "D_rep_2", (6.0, 8.0))
-    other = continue_orbit(branch.orbit(index), "D_rep_2", (6.0, 8.0))
+    other = continue_orbit(branch.solution(index), "D_rep_2", (6.0, 8.0))
     assert [point.label for point in other.special_points] == [point.label for point in branch.special_points]
     assert values(other, "BP") == pytest.approx(values(branch, "BP"), abs=1e-8)
     assert [len(form) for form in other.forms] == [len(form) for form in branch.forms]

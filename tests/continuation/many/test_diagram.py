@@ -50,7 +50,7 @@ def test_equilibria_lead_to_cycles_and_these_to_doubled_ones(of_lure):
     ]  # fmt: skip
     # lambda^3 + al lambda^2 + be lambda + 1 has an imaginary pair where al be = 1
     assert of_lure.special_points[0].parameters["al"] == pytest.approx(1.0, abs=1e-12)
-    doubled, single = of_lure[2].orbit(0), of_lure[1]
+    doubled, single = of_lure[2].solution(0), of_lure[1]
     assert doubled.period == pytest.approx(2.0 * single["PD1"].orbit.period, rel=0.05)
     assert of_lure.stopped == "all branches to depth 2"
     assert of_lure.failures == ()

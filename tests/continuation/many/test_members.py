@@ -318,7 +318,7 @@ def test_interrupted_processes_give_up_what_is_not_done_and_keep_what_is(orbit):
         if progress.done == 1:
             raise KeyboardInterrupt
 
-    start = continue_orbit(orbit, "d", (1.0, 8.5), directions="up").orbit(-1)
+    start = continue_orbit(orbit, "d", (1.0, 8.5), directions="up").solution(-1)
     gaps = [8.5, 1.0, 1.1, 1.2]
     family = continue_family(start, "A", {"d": gaps}, BOUNDS, options=UNEQUAL, workers=2, progress=interrupt)
     assert family.interrupted
@@ -332,7 +332,7 @@ SCRIPT = """
 import saltus, saltus.work, systems
 saltus.work._TRIAL = 0.0
 orbit = saltus.solve_orbit(systems.impact_oscillator(), {"w": 1.1}, [("free", "impact", [1.0, -1.3, 0.1], 5.71)])
-start = saltus.continue_orbit(orbit, "d", (1.0, 8.5), directions="up").orbit(-1)
+start = saltus.continue_orbit(orbit, "d", (1.0, 8.5), directions="up").solution(-1)
 print("began", flush=True)
 steps = saltus.StepControl(largest=LARGEST, max_points=10**6)
 options = saltus.options.BranchOptions(steps, directions="down", stop_at="SN")

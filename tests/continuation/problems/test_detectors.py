@@ -405,7 +405,7 @@ def test_rejected_steps_name_the_parameter_in_its_own_units():
 
 def test_the_residual_of_a_branch_is_that_of_its_points():
     branch = continue_orbit(impact_orbit(2.2, 1, 0.5), "A", (1.0, 6.0))
-    own = [branch.orbit(i).residual for i in range(0, len(branch), 7)]
+    own = [branch.solution(i).residual for i in range(0, len(branch), 7)]
     np.testing.assert_array_less(branch.residual, 1e-10)
     np.testing.assert_array_less(own, 1e-10)
 
@@ -415,7 +415,7 @@ def test_any_orbit_of_a_branch_leads_to_the_same_special_points(share):
     start = impact_orbit(1.1, 1, 0.5)
     bounds = (0.1, 5.0)
     whole = continue_orbit(start, "A", bounds)
-    again = continue_orbit(whole.orbit(round(share * (len(whole) - 1))), "A", bounds)
+    again = continue_orbit(whole.solution(round(share * (len(whole) - 1))), "A", bounds)
     for kind in ("SN", "PD", "GR"):
         np.testing.assert_allclose(values(again, kind), values(whole, kind), atol=1e-8)
     form = ImpactOrbit(1.1)

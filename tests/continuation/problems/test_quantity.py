@@ -143,7 +143,7 @@ def test_a_mode_of_two_coupled_oscillators_closes_in_another_solver():
         return [u, v, -x - x**3 - 0.2 * (x - y), -y - 0.2 * (y - x)]
 
     for i in range(0, len(branch), 20):
-        one = branch.orbit(i)
+        one = branch.solution(i)
         start = one.states[0]
         end = solve_ivp(flow, (0.0, one.period), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
         assert np.abs(end - start).max() < 1e-9 * np.abs(one.highs).max()
@@ -171,7 +171,7 @@ def test_a_freed_parameter_follows_the_branch_along_that_parameter(response):
     assert ours == pytest.approx(sorted(p.parameters["A"] for p in plain.special_points.of_type("SN")), rel=1e-9)
     assert freed["A1"].parameters["A"] == pytest.approx(0.3, rel=1e-9)
     for i in range(0, len(freed), 25):
-        one = freed.orbit(i)
+        one = freed.solution(i)
         again = solve_orbit(one.system, {"A": freed.column("A")[i]}, x0=one.x0, period=one.period)
         assert again.max["x"] == pytest.approx(freed.values[i], rel=1e-9)
 
@@ -231,13 +231,13 @@ def test_a_file_keeps_a_branch_along_a_quantity(response, swinging, tmp_path):
         for ours, theirs in zip(branch.special_points, again.special_points, strict=True):
             assert (ours.label, ours.orbit.fixed) == (theirs.label, theirs.orbit.fixed)
             assert dict(ours.parameters) == dict(theirs.parameters)
-        assert again.orbit(3).fixed == branch.orbit(3).fixed
-        assert again.orbit(3).residual < 1e-10
+        assert again.solution(3).fixed == branch.solution(3).fixed
+        assert again.solution(3).residual < 1e-10
         assert again.special_points.to_dataframe().shape == branch.special_points.to_dataframe().shape
 
 
 def test_a_branch_goes_on_from_an_orbit_of_another(swinging):
-    last = continue_orbit(swinging, "max_x", (0.5, 1.5)).orbit(-1)
+    last = continue_orbit(swinging, "max_x", (0.5, 1.5)).solution(-1)
     branch = continue_orbit(last, "period", (7.0, 9.0))
     assert branch.period == pytest.approx(4.0 * ellipk(np.sin(0.5 * branch.column("max_x")) ** 2), rel=1e-10)
 
@@ -329,7 +329,7 @@ def test_a_family_whose_orbits_are_cut_in_pieces_goes_on():
     branch = continue_orbit(twice, "energy", (0.14, 1.0), directions="up")
     assert branch.stopped[1].endswith("bound reached")
     assert {len(form) for form in branch.forms} == {1, 2}
-    start, period = branch.orbit(len(branch) - 1).states[0], branch.period[-1]
+    start, period = branch.solution(len(branch) - 1).states[0], branch.period[-1]
     ends = solve_ivp(
         lambda t, z: [z[2], z[3], -z[0] - 2 * z[0] * z[1], -z[1] - z[0] ** 2 + z[1] ** 2],
         (0.0, period), start, method="DOP853", rtol=1e-13, atol=1e-13,

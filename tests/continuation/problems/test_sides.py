@@ -74,7 +74,7 @@ def test_a_rest_that_passes_a_threshold_goes_on_in_the_mode_beyond(rising, unit)
     orbit = find_orbit(rising, rate | {"p": 0.1 * unit}, [0.3 * unit, 1.0])
     branch = continue_orbit(orbit, "p", (0.0, 3.0 * unit))
     assert grazings(branch) == pytest.approx([unit], rel=1e-10)
-    last = branch.orbit(-1)
+    last = branch.solution(-1)
     assert last.signature == (("high", "s"),)
     assert last.x0[0] == pytest.approx((3.0 + 5.0) / 6.0 * unit, rel=1e-10)
     assert last.admissible
@@ -83,14 +83,14 @@ def test_a_rest_that_passes_a_threshold_goes_on_in_the_mode_beyond(rising, unit)
     assert found.signature == last.signature
     back = continue_orbit(last, "p", (0.0, 3.0 * unit))
     assert grazings(back) == pytest.approx([unit], rel=1e-10)
-    assert back.orbit(0).signature == (("low", "s"),)
+    assert back.solution(0).signature == (("low", "s"),)
 
 
 def test_a_rest_beyond_a_threshold_is_no_motion(rising):
     branch = continue_orbit(find_orbit(rising, {}, [0.3, 1.0]), "p", (0.0, 3.0), steps=StepControl(at_grazing="pass"))
     assert grazings(branch) == pytest.approx([1.0], abs=1e-10)
     np.testing.assert_array_equal(branch.admissible, branch.values <= 1.0)
-    assert branch.orbit(-1).reasons == (BEYOND,)
+    assert branch.solution(-1).reasons == (BEYOND,)
     assert solve_orbit(rising, {"p": 3.0}, [("low", "s", [3.0, 1.0], 2.0 * math.pi)]).reasons == (BEYOND,)
     with pytest.raises(ConvergenceError, match=BEYOND):
         find_orbit(rising, {"p": 3.0}, [2.5, 1.0], mode="low", settle=200)
@@ -99,7 +99,7 @@ def test_a_rest_beyond_a_threshold_is_no_motion(rising):
 def test_a_threshold_whose_condition_fails_is_passed_freely(rising):
     branch = continue_orbit(find_orbit(rising, {"q": 0.2}, [0.3, 0.2]), "p", (0.0, 3.0))
     assert not branch.special_points
-    assert branch.orbit(-1).signature == (("low", "s"),)
+    assert branch.solution(-1).signature == (("low", "s"),)
     assert branch.admissible.all()
 
 
@@ -115,7 +115,7 @@ def test_a_threshold_in_either_direction_is_passed_both_ways():
     system = threshold(0)
     branch = continue_orbit(find_orbit(system, {}, [0.3, 1.0], mode="low"), "p", (0.0, 3.0))
     assert branch.signature(len(branch) - 1) == (("high", "s"),)
-    back = continue_orbit(branch.orbit(-1), "p", (0.0, 3.0))
+    back = continue_orbit(branch.solution(-1), "p", (0.0, 3.0))
     assert back.signature(0) == (("low", "s"),)
     assert (back.values[0], back.values[-1]) == pytest.approx((0.0, 3.0), abs=1e-12)
     assert grazings(branch) == pytest.approx([1.0], abs=1e-10)
@@ -125,7 +125,7 @@ def test_a_threshold_in_either_direction_is_passed_both_ways():
 def test_a_circular_whirl_comes_into_contact_all_round(whirl):
     branch = continue_orbit(find_orbit(whirl, {}, [0.7, 0.0]), "mu", (0.5, 2.0))
     assert grazings(branch) == pytest.approx([1.0], abs=1e-9)
-    last = branch.orbit(-1)
+    last = branch.solution(-1)
     assert last.signature == (("contact", ""),)
     assert np.sum(last.x0**2) == pytest.approx((2.0 + 3.0) / 4.0, abs=1e-10)
     locus = continue_locus(branch["GR1"], ("mu", "d"), {"mu": (0.3, 2.0), "d": (0.3, 2.0)})
@@ -150,7 +150,7 @@ def test_a_motion_with_events_changes_all_its_modes():
     orbit = find_orbit(system, {}, [0.3, 1.035, 3.0])
     branch = continue_orbit(orbit, "p", (0.0, 3.0))
     assert grazings(branch) == pytest.approx([1.0], abs=1e-10)
-    last = branch.orbit(-1)
+    last = branch.solution(-1)
     assert last.signature == (("high", "hit_high"),)
     assert last.x0[0] == pytest.approx(8.0 / 6.0, abs=1e-10)
     assert last.admissible

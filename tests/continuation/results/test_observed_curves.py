@@ -59,7 +59,7 @@ def test_a_phase_runs_on_along_a_curve(response):
 def test_points_and_special_points_have_the_observables_of_their_orbits(branch):
     for name in ("amplitude(x, 1)", "phase(x, 1)", "mean(x**2)", "max(v)"):
         column = branch.column(name)
-        assert column[7] == pytest.approx(branch.orbit(7).observe(name)[name], abs=1e-12)
+        assert column[7] == pytest.approx(branch.solution(7).observe(name)[name], abs=1e-12)
         for point in branch.special_points:
             lower = int(point.position)
             low, high = sorted(column[[lower, min(lower + 1, len(branch) - 1)]])
@@ -103,7 +103,7 @@ def test_formulas_in_observables_and_parameters_are_columns(response):
     gain = response.column("(max(x) - min(x))/(2*A)*w")
     assert gain == pytest.approx(np.abs(z) / 0.05 * w, abs=1e-9)
     special = saltus.continue_orbit(
-        response.orbit(0), "w", bounds=(0.5, 2.0), events={"(max(x) - min(x))/2": 0.3}
+        response.solution(0), "w", bounds=(0.5, 2.0), events={"(max(x) - min(x))/2": 0.3}
     ).special_points
     assert [abs(0.05 / (1.0 - p.parameters["w"] ** 2 + 0.1j * p.parameters["w"])) for p in special] == pytest.approx(
         [0.3, 0.3], abs=1e-9
@@ -112,7 +112,7 @@ def test_formulas_in_observables_and_parameters_are_columns(response):
 
 def test_the_period_is_part_of_formulas_of_orbits(response, impact_oscillator):
     assert response.column("2*pi/period") == pytest.approx(response.values, rel=1e-14)
-    orbit = response.orbit(3)
+    orbit = response.solution(3)
     assert orbit.observe("mean(x)*0 + period") == {"mean(x)*0 + period": pytest.approx(orbit.period, rel=1e-14)}
     motion = saltus.simulate(impact_oscillator, {}, [0.0, 0.0], periods=3)
     with pytest.raises(InputError, match="observable = 'period': must be of a periodic motion"):

@@ -213,7 +213,7 @@ def test_derivatives_along_a_branch_are_those_of_its_orbits():
     assert found["max(v)"].dims == ("point", "parameter")
     np.testing.assert_array_equal(found["d"], branch.values)
     for i in (0, 3, len(branch) // 2):
-        own = branch.orbit(i).sensitivity(["max(v)", "phase(x, 1)"], ["c", "d", "w"])
+        own = branch.solution(i).sensitivity(["max(v)", "phase(x, 1)"], ["c", "d", "w"])
         for name in ("max(v)", "phase(x, 1)"):
             np.testing.assert_allclose(found[name].isel(point=i), own[name], rtol=1e-7)
     told = found["note"].values != ""

@@ -65,7 +65,7 @@ def test_the_cycles_of_lorenz_are_reached_from_its_hopf_point(hopf, r, period, x
     cycles = continue_orbit(switch_branch(hopf["HB1"]), "r", (r, 26.0))
     assert cycles["HB1"].parameters["r"] == pytest.approx(470.0 / 19.0, abs=1e-9)
     assert cycles.values.max() < 470.0 / 19.0 + 1e-9  # subcritical: cycles exist below only
-    orbit = cycles.orbit(0)
+    orbit = cycles.solution(0)
     assert orbit.parameters["r"] == r
     assert orbit.period == pytest.approx(period, abs=2e-12)
     multipliers = sorted(orbit.multipliers.real)
@@ -109,7 +109,7 @@ def test_cycles_of_the_bautin_form_fold_where_the_closed_form_says(place):
     fold = cycles["SN1"]
     assert fold.parameters["b1"] == pytest.approx(-0.0225, abs=1e-9)
     assert np.linalg.norm(plane.back(fold.orbit.x0)) == pytest.approx(math.sqrt(0.15), rel=1e-5)
-    last = cycles.orbit(int(np.argmax(cycles.values)))
+    last = cycles.solution(int(np.argmax(cycles.values)))
     b2, b1 = 0.3, last.parameters["b1"]
     square = (b2 + math.sqrt(b2**2 + 4.0 * b1)) / 2.0
     assert np.linalg.norm(plane.back(last.x0)) == pytest.approx(math.sqrt(square), rel=1e-9)
@@ -126,7 +126,7 @@ def test_cycles_of_the_brusselator(place, B, period, multiplier):
     start = find_equilibrium(plane.system(fields.BRUSSELATOR, {"A": 1.0, "B": 1.5}), x0=plane.to([1.0, 1.5]))
     branch = continue_equilibrium(start, "B", (1.0, 3.0))
     assert branch["HB1"].parameters["B"] == pytest.approx(2.0, abs=1e-10)
-    orbit = continue_orbit(switch_branch(branch["HB1"]), "B", (1.0, B)).orbit(-1)
+    orbit = continue_orbit(switch_branch(branch["HB1"]), "B", (1.0, B)).solution(-1)
     assert orbit.parameters["B"] == B
     assert orbit.period == pytest.approx(period, abs=5e-12)
     assert np.abs(orbit.multipliers).min() == pytest.approx(multiplier, rel=2e-8)

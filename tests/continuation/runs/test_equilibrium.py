@@ -290,7 +290,7 @@ def test_columns_and_points_of_a_branch():
     assert branch.column("double") == pytest.approx(2.0 * branch.column("x"))
     assert branch.column("arclength")[0] == 0.0
     assert branch.value_at(branch["SN1"], "mu") == pytest.approx(0.0, abs=1e-12)
-    assert branch.equilibrium(-1).state[0] == branch.states[-1, 0]
+    assert branch.solution(-1).state[0] == branch.states[-1, 0]
     assert [found.parameters["mu"] for found in branch] == branch.values.tolist()
     with pytest.raises(InputError, match="did you mean 'SN1'"):
         branch["SN2"]
@@ -299,7 +299,7 @@ def test_columns_and_points_of_a_branch():
     with pytest.raises(InputError, match="quantity = 'z'"):
         branch.value_at(branch["SN1"], "z")
     with pytest.raises(InputError, match="index = "):
-        branch.equilibrium(len(branch))
+        branch.solution(len(branch))
 
 
 def test_progress_is_told_and_an_interrupt_keeps_what_is_done():

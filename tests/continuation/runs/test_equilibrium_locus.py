@@ -260,7 +260,7 @@ def test_any_point_of_a_locus_starts_another():
     again = continue_locus(locus.point(3), ("b1", "b2"), WINDOW)
     assert again.type == "SN"
     assert again.values[:, 0] == pytest.approx(again.values[:, 1] ** 2 / 4.0, abs=1e-11)
-    by_type = continue_locus(locus.equilibrium(3), ("b1", "b2"), WINDOW, type="SN")
+    by_type = continue_locus(locus.solution(3), ("b1", "b2"), WINDOW, type="SN")
     assert len(by_type) > 5
 
 

@@ -181,7 +181,7 @@ def from_afar(
     if abs(end - Zc_nm) <= _ROUNDING * far:
         return branch.at(end)
     if end > Zc_nm:  # it ends where a hysteretic law is met: beyond, the motion is another
-        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.orbit(-1).x0, settle=patience),)
+        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.solution(-1).x0, settle=patience),)
     return branch.at(Zc_nm)
 
 

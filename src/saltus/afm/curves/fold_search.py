@@ -253,7 +253,7 @@ def _critical_at(
     told = f"at Zc_nm = {critical.orbit.parameters['Zc_nm']:.6g} the folds end: {'; '.join(way.stopped)}"
     if missed.min() < _ROUNDING:
         plane = {"R_nm": R_nm, "Zc_nm": Zc_nm}
-        orbit = way.orbit(int(np.argmin(missed)))
+        orbit = way.solution(int(np.argmin(missed)))
         locus = continue_locus(orbit, ("R_nm", "Zc_nm"), plane, type="SN", steps=steps)
         turns = turns_of(locus, "R_nm", -1.0)
         if turns:

@@ -135,7 +135,7 @@ def way_along(
 def _from_rest(branches: Sequence[Branch], stretches: Sequence[Stretch], value: float) -> Stretch | None:
     """Return the stretch on which a tip at rest settles, of several at the end of a range; None where it is on none."""
     branch = branches[stretches[0].sheet]
-    at = {**branch.orbit(stretches[0].points[0]).parameters, branch.parameter: value}
+    at = {**branch.solution(stretches[0].points[0]).parameters, branch.parameter: value}
     found = settled(branch.system, at, np.zeros(len(branch.system.states)))
     return None if isinstance(found, str) else _target(branches, stretches, found)
 
@@ -166,7 +166,7 @@ def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Land
         first = min(ahead, key=lambda point: abs(point.position - last))
         return _settled(branch, first.value(branch.parameter), first.orbit, sign * span)
     try:
-        before = branch.orbit(last)
+        before = branch.solution(last)
     except ConvergenceError as error:
         return f"{branch.parameter} = {value:.9g}: {error}"
     return _settled(branch, value, before, sign * span)

@@ -93,7 +93,7 @@ def _begun(branch: Branch, changes: Mapping[str, float]) -> PeriodicOrbit:
     failed: ConvergenceError | None = None
     for index in _starts(branch):
         try:
-            return _moved(branch.orbit(index), changes)
+            return _moved(branch.solution(index), changes)
         except ConvergenceError as error:
             failed = error
     raise failed or ConvergenceError("orbit of a branch", math.inf, 0, "the branch has no stable orbit")

@@ -93,7 +93,7 @@ def _carry_along(orbit: PeriodicOrbit, name: str, value: float, options: BranchO
         folds = [point.parameters[name] for point in way.special_points if point.type == "SN"]
         turned = folds and abs(end - begin) <= rounding
         return blocked + (f"saddle-node at {name} = {folds[0]:.9g}" if turned else way.stopped[1])
-    reached = way.orbit(-1)
+    reached = way.solution(-1)
     return replace(reached, parameters=dict(reached.parameters) | {name: value})  # exactly the member's value
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from saltus.continuation.results.crossings import extremes_of, solutions_at
 from saltus.continuation.results.orbit_curve import OrbitCurve
 from saltus.continuation.results.parameters import OneParameter
 from saltus.orbits import PeriodicOrbit, solve_orbit
@@ -54,38 +53,6 @@ class Branch(OneParameter[PeriodicOrbit], OrbitCurve):
         super().__post_init__()
         freed = self.freed if self.freed.size else np.full(len(self.values), np.nan)
         object.__setattr__(self, "freed", frozen(freed))
-
-    def at(self, value: float) -> tuple[PeriodicOrbit, ...]:
-        """Return the orbits of the branch at a value of its parameter, each solved there.
-
-        Parameters
-        ----------
-        value : float
-            The value, or that of the quantity along which the branch goes.
-
-        Returns
-        -------
-        tuple of PeriodicOrbit
-            In order along the branch; more than one where it turns.
-
-        Raises
-        ------
-        InputError
-            The branch does not come to the value.
-        ConvergenceError
-            Newton's method does not find the orbit between two points of the branch.
-
-        Examples
-        --------
-        >>> from saltus import HybridSystem, continue_orbit, find_orbit
-        >>> spring = HybridSystem.smooth(
-        ...     {"x": "v", "v": "-0.1*v - x - x**3 + 0.5*cos(theta)"}, {"w": 1.0}, phase=("theta", "w")
-        ... )
-        >>> response = continue_orbit(find_orbit(spring, {"w": 1.2}, [0.0, 0.0]), "w", (1.0, 2.5))
-        >>> [(round(orbit.max["x"], 6), orbit.stable) for orbit in response.at(2.0)]
-        [(2.083176, True), (1.973689, False), (0.1675, True)]
-        """
-        return solutions_at(self, value, lambda a, b, share: self._attempts(a, b, share, value), extremes_of)
 
     def _attempts(
         self, first: PeriodicOrbit, last: PeriodicOrbit, share: float, value: float
@@ -132,9 +99,6 @@ class Branch(OneParameter[PeriodicOrbit], OrbitCurve):
             return self.freed
         return super().column(name)
 
-    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
-        return {}
-
     def _parameters_at(self, index: int) -> dict[str, float]:
         if self.fixed is None:
             return super()._parameters_at(index)
@@ -159,6 +123,3 @@ class Branch(OneParameter[PeriodicOrbit], OrbitCurve):
         if fixed is not None:
             fields |= {"fixed": fixed, "freed": held.array("freed", ("point",), finite=False)}
         return fields
-
-    def __repr__(self) -> str:
-        return self._described("Branch")

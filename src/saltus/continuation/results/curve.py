@@ -63,6 +63,7 @@ class SolutionCurve(Result, Generic[Solved]):
     options: Mapping[str, Any] = field(default_factory=dict)
 
     counted: ClassVar[str]  # what a `repr` counts
+    fault: ClassVar[str] = "virtual"  # what a picture calls a solution that is not sound
     kinds: ClassVar[dict[str, Any]] = {  # types of the arrays
         **dict.fromkeys(("values", "residual", "arclength"), np.float64),
         "stable": np.bool_,
@@ -71,6 +72,16 @@ class SolutionCurve(Result, Generic[Solved]):
     def __post_init__(self) -> None:
         for name, kind in self.kinds.items():
             object.__setattr__(self, name, frozen(getattr(self, name), kind))
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the states of the solutions do not move."""
+        return False
+
+    @property
+    def called(self) -> str:
+        """What the solutions are called in a list of branches."""
+        return self.counted
 
     @property
     @abstractmethod
@@ -87,9 +98,67 @@ class SolutionCurve(Result, Generic[Solved]):
     def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Least and greatest value of each state of each solution, shape (point, state) each."""
 
+    @property
+    def equations(self) -> NDArray[np.int64]:
+        """Number of the equations that each point solves, shape (point,): of its signature, mode or itinerary."""
+        return np.zeros(len(self), dtype=np.int64)
+
+    @abstractmethod
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Return a quantity along the curve."""
+
+    @abstractmethod
+    def value_at(self, point: SpecialPoint[Solved], name: str) -> float:
+        """Return the quantity that `column` names at a special point."""
+
+    def solution(self, index: int) -> Solved:
+        """Return the solution of one point, from which another continuation can start.
+
+        Parameters
+        ----------
+        index : int
+            The point; negative ones count from the end.
+
+        Returns
+        -------
+        PeriodicOrbit, Equilibrium or MapOrbit
+            With the parameters of the point.
+
+        Raises
+        ------
+        InputError
+            There is no such point.
+        """
+        return self._solution(self._place(index))
+
     @abstractmethod
     def _solution(self, index: int) -> Solved:
-        """Return the solution of one point."""
+        """Return the solution of one point, counted from the start."""
+
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        """Return the columns, shape (point,) each, that only this kind of curve has."""
+        return {}
+
+    def _scale(self) -> NDArray[np.float64] | None:
+        """Return sizes of the unknowns, for a locus that starts from one of the points; None if unknown."""
+        return None
+
+    def _extent(self, solution: Solved) -> NDArray[np.float64]:
+        """Return numbers by which solutions nearby are told apart."""
+        return np.concatenate(solution.extremes)
+
+    if TYPE_CHECKING:  # a field of some kinds, computed by others
+
+        @property
+        def x0(self) -> NDArray[np.float64]:
+            """Where each solution starts, shape (point, state)."""
+
+    else:
+
+        def __getattr__(self, name: str) -> Any:
+            """Say where an accessor is now that stood here up to version 0.1."""
+            now = ": it is now solution" if name in ("orbit", "equilibrium") else ""
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{now}")
 
     def __len__(self) -> int:
         return len(self.values)

@@ -16,7 +16,6 @@ from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
-from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.result import Result
 from saltus.system import HybridSystem, Map
@@ -31,11 +30,7 @@ __all__ = ["Diagram", "DiagramBranch", "Origin", "Place", "kind_of", "place_of"]
 
 DiagramBranch = EquilibriumBranch | Branch | MapBranch
 
-_KINDS: Mapping[str, type[DiagramBranch]] = {
-    "orbits": Branch,
-    "equilibria": EquilibriumBranch,
-    "cycles": MapBranch,
-}
+_KINDS: Mapping[str, type[DiagramBranch]] = {kind.counted: kind for kind in (Branch, EquilibriumBranch, MapBranch)}
 _SAME_VALUE = 1e-6  # difference of the parameter, over the interval, up to which two special points are the same
 _SAME_STATE = 1e-4  # the same of the states, over their ranges in the diagram
 
@@ -84,7 +79,7 @@ def place_of(point: SpecialPoint[Any], parameter: str) -> Place:
 
 def kind_of(branch: DiagramBranch) -> str:
     """Return what a branch consists of: ``equilibria``, ``orbits``, or ``cycles`` of a map."""
-    return next(name for name, kind in _KINDS.items() if isinstance(branch, kind))
+    return branch.counted
 
 
 def _extremes(branch: DiagramBranch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -184,7 +179,6 @@ class Diagram(Result):
         rows = []
         for i, point in self.numbered():
             solution = point.solution
-            rest = isinstance(solution, Equilibrium)
             row: dict[str, Any] = {
                 "label": point.label,
                 "type": point.type,
@@ -192,10 +186,9 @@ class Diagram(Result):
                 "branch": i,
                 "of": kind_of(self.branches[i]),
                 "stable": solution.stable,
-                "period": np.nan if rest else solution.period,
+                "period": np.nan if solution.at_rest else solution.period,
             }
-            states = solution.state if rest else solution.x0
-            rows.append(row | {name: float(v) for name, v in zip(self.system.states, states, strict=True)})
+            rows.append(row | {name: float(v) for name, v in zip(self.system.states, solution.x0, strict=True)})
         return pd.DataFrame(rows)
 
     def to_xarray(self) -> xr.Dataset:
@@ -244,12 +237,9 @@ class Diagram(Result):
         of = self.system.name or self.system.unnamed
         lines = [f"Diagram of {of}: {len(self)} branches along {self.parameter}, {self.stopped}"]
         for i, (branch, origin) in enumerate(zip(self.branches, self.origins, strict=True)):
-            what = kind_of(branch)
-            if isinstance(branch, MapBranch):
-                what = "fixed points" if branch.period == 1 else f"cycles of period {branch.period}"
             begin = "a start" if origin.parent < 0 else f"{origin.label} of branch {origin.parent}"
             lines.append(
-                f"  {i}: {len(branch)} {what} from {begin}, {self.parameter} from {branch.values.min():.6g} "
+                f"  {i}: {len(branch)} {branch.called} from {begin}, {self.parameter} from {branch.values.min():.6g} "
                 f"to {branch.values.max():.6g}"
             )
         lines += [f"  {line}" for line in repr(self.special_points).splitlines()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -12,10 +12,8 @@ from saltus.continuation.results.parameters import TwoParameters
 from saltus.equilibria import Equilibrium
 
 if TYPE_CHECKING:
-    import xarray as xr
     from numpy.typing import NDArray
 
-    from saltus.contents import Contents
 
 __all__ = ["EquilibriumLocus"]
 
@@ -39,24 +37,7 @@ class EquilibriumLocus(TwoParameters[Equilibrium], EquilibriumCurve):
 
     frequency: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
-    kinds = EquilibriumCurve.kinds | dict.fromkeys(("frequency", "coefficient"), np.float64)
-
-    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
-        return {"frequency": self.frequency, "coefficient": self.coefficient}
-
-    def _scale(self) -> NDArray[np.float64]:
-        return np.asarray(np.maximum(np.ptp(self.states, axis=0), 1e-3 * np.abs(self.states).max()))
-
-    def to_xarray(self) -> xr.Dataset:
-        """Return the locus as a Dataset: points against ``point``, special points against ``special``."""
-        dataset = super().to_xarray()
-        dataset["frequency"], dataset["coefficient"] = ("point", self.frequency), ("point", self.coefficient)
-        return dataset.assign_attrs(type=self.type)
-
-    @classmethod
-    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-        found = held.array("frequency", ("point",), finite=False)
-        return super()._own_fields(held, varied, values) | {"frequency": found}
+    told = ("frequency", "coefficient")
 
     def __repr__(self) -> str:
         return self._described(f"{self.type} locus of equilibria")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -12,10 +12,8 @@ from saltus.continuation.results.parameters import TwoParameters
 from saltus.orbits import PeriodicOrbit
 
 if TYPE_CHECKING:
-    import xarray as xr
     from numpy.typing import NDArray
 
-    from saltus.contents import Contents
 
 __all__ = ["Locus"]
 
@@ -46,20 +44,4 @@ class Locus(TwoParameters[PeriodicOrbit], OrbitCurve):
 
     angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
-    kinds = OrbitCurve.kinds | dict.fromkeys(("angle", "coefficient"), np.float64)
-
-    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
-        return {"angle": self.angle, "coefficient": self.coefficient}
-
-    def to_xarray(self) -> xr.Dataset:
-        """Return the locus as a Dataset: points against ``point``, special points against ``special``."""
-        dataset = super().to_xarray()
-        dataset.attrs["type"] = self.type
-        return dataset
-
-    @classmethod
-    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-        return super()._own_fields(held, varied, values) | {"angle": held.array("angle", ("point",), finite=False)}
-
-    def __repr__(self) -> str:
-        return self._described(f"{self.type} locus")
+    told = ("angle", "coefficient")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -75,6 +74,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
     tolerance: float = 1e-12
 
     counted = "orbits"
+    fault = "not admissible"
     kinds = SolutionCurve.kinds | {
         **dict.fromkeys(("x0", "period", "lows", "highs", "means"), np.float64),
         **dict.fromkeys(("multipliers", "harmonics"), np.complex128),
@@ -93,12 +93,10 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         n = len(self.system.states)
         return self.lows[:, :n], self.highs[:, :n]
 
-    def _solution(self, index: int) -> PeriodicOrbit:
-        return self.orbit(index)
-
-    @abstractmethod
-    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
-        """Return the columns, shape (point,) each, that only this kind of curve has."""
+    @property
+    def equations(self) -> NDArray[np.int64]:
+        """See `SolutionCurve.equations`: `form`."""
+        return self.form
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -323,25 +321,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         form: Signature = self.forms[self.form[self._place(index)]]
         return form.names(self.system)
 
-    def orbit(self, index: int) -> PeriodicOrbit:
-        """Return the orbit of one point, from which another continuation can start.
-
-        Parameters
-        ----------
-        index : int
-            The point; negative ones count from the end.
-
-        Returns
-        -------
-        PeriodicOrbit
-            With meshes of its own, made from the point's unknowns.
-
-        Raises
-        ------
-        InputError
-            There is no such point.
-        """
-        index = self._place(index)
+    def _solution(self, index: int) -> PeriodicOrbit:
         problem, u = self._solved(index)
         # of a cycle that is cut they come with the flow's directions, which the field does not give at an equilibrium
         values = self.multipliers[index] if CUT_END in problem.signature.kinds else None

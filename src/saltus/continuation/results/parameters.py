@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from saltus.continuation.results.crossings import solutions_at
 from saltus.continuation.results.curve import SolutionCurve, Solved
 from saltus.continuation.results.displacement import displaced
 from saltus.continuation.results.special_points import SpecialPoint
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,10 +41,49 @@ class OneParameter(SolutionCurve[Solved]):
         """The parameter, in a tuple."""
         return (self.parameter,)
 
+    def at(self, value: float) -> tuple[Solved, ...]:
+        """Return the solutions of the branch at a value of its parameter, each solved there.
+
+        Parameters
+        ----------
+        value : float
+            The value, or that of the quantity along which the branch goes.
+
+        Returns
+        -------
+        tuple of PeriodicOrbit, Equilibrium or MapOrbit
+            In order along the branch; more than one where it turns.
+
+        Raises
+        ------
+        InputError
+            The branch does not come to the value.
+        ConvergenceError
+            Newton's method does not find the solution between two points of the branch.
+
+        Examples
+        --------
+        >>> from saltus import HybridSystem, continue_orbit, find_orbit
+        >>> spring = HybridSystem.smooth(
+        ...     {"x": "v", "v": "-0.1*v - x - x**3 + 0.5*cos(theta)"}, {"w": 1.0}, phase=("theta", "w")
+        ... )
+        >>> response = continue_orbit(find_orbit(spring, {"w": 1.2}, [0.0, 0.0]), "w", (1.0, 2.5))
+        >>> [(round(orbit.max["x"], 6), orbit.stable) for orbit in response.at(2.0)]
+        [(2.083176, True), (1.973689, False), (0.1675, True)]
+        """
+        return solutions_at(self, value, lambda a, b, share: self._attempts(a, b, share, value), self._extent)
+
+    @abstractmethod
+    def _attempts(self, a: Solved, b: Solved, share: float, value: float) -> Iterator[Callable[[], Solved]]:
+        """Yield what solves for a solution at a value, from guesses between and at two neighbours."""
+
     @classmethod
     def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
         held.expect(parameter=1)
         return {"parameter": varied[0], "values": values[:, 0]}
+
+    def __repr__(self) -> str:
+        return self._described(type(self).__name__)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -61,6 +103,13 @@ class TwoParameters(SolutionCurve[Solved]):
     type: str
     names: tuple[str, str]
     coefficient: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    told: ClassVar[tuple[str, ...]] = ("coefficient",)  # columns that only loci have
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.told:
+            object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -89,9 +138,11 @@ class TwoParameters(SolutionCurve[Solved]):
         arc, label = float(self.arclength[at]), f"{self.type} point {at}"
         return SpecialPoint(self.type, label, self._solution(at), 0.0, at, arc, self.names, scale=self._scale())
 
-    def _scale(self) -> NDArray[np.float64] | None:
-        """Return sizes of the unknowns, for a locus that starts from one of the points; None if unknown."""
-        return None
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        return {name: getattr(self, name) for name in self.told}
+
+    def _kept_attributes(self) -> dict[str, str]:
+        return super()._kept_attributes() | {"type": self.type}
 
     def displacement(self, of: str, parameters: Sequence[str] | None = None) -> xr.Dataset:
         """Return how the locus moves as parameters change: exact derivatives of one of its two parameters.
@@ -132,5 +183,8 @@ class TwoParameters(SolutionCurve[Solved]):
     @classmethod
     def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
         held.expect(parameter=2)
-        found = held.array("coefficient", ("point",), finite=False)
-        return {"type": held.text("type"), "names": varied, "values": values, "coefficient": found}
+        columns = {name: held.array(name, ("point",), finite=False) for name in cls.told}
+        return {"type": held.text("type"), "names": varied, "values": values, **columns}
+
+    def __repr__(self) -> str:
+        return self._described(f"{self.type} locus")

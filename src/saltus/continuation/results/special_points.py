@@ -174,9 +174,9 @@ class SpecialPoint(Generic[Solved]):
         InputError
             It is neither.
         """
-        fixed = self.solution.fixed if isinstance(self.solution, PeriodicOrbit) else None
-        if fixed is not None and name in self.varied and name == fixed.quantity:
-            return fixed.value
+        held = self.solution._held_value(name) if name in self.varied else None
+        if held is not None:
+            return held
         return self.parameters[checks.chosen("name", name, [*self.parameters, *self.varied])]
 
     @property

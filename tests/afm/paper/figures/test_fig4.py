@@ -59,7 +59,7 @@ def _moved(orbit, name, value):
         orbit, name, (min(begin, value), max(begin, value)), directions="up" if value > begin else "down"
     )
     assert way.stable.all()
-    end = way.orbit(-1)
+    end = way.solution(-1)
     assert end.parameters[name] == pytest.approx(value, abs=1e-12)
     return end
 

@@ -49,7 +49,7 @@ def repulsive():
 def in_damping(most, repulsive):
     """Impacting orbits at the frequency of the maximum, as the damping in air grows."""
     way = saltus.continue_orbit(repulsive, "Omega", (most["omega"], 1.05), directions="down")
-    return saltus.continue_orbit(way.orbit(-1), "D_att_1", (0.025, 0.2), directions="up")
+    return saltus.continue_orbit(way.solution(-1), "D_att_1", (0.025, 0.2), directions="up")
 
 
 def test_four_files_are_written(fig5_found):
@@ -77,8 +77,8 @@ def test_the_maximum_is_a_fold_of_the_branch_in_the_damping(most, in_damping):
 
 def test_slightly_below_the_maximum_the_response_in_contact_has_two_saddle_nodes(most, in_damping):
     damping = most["D_att_1"] - 2e-5
-    up_to = saltus.continue_orbit(in_damping.orbit(0), "D_att_1", (0.025, damping), directions="up")
-    response = saltus.continue_orbit(up_to.orbit(-1), "Omega", (0.95, 1.05))
+    up_to = saltus.continue_orbit(in_damping.solution(0), "D_att_1", (0.025, damping), directions="up")
+    response = saltus.continue_orbit(up_to.solution(-1), "Omega", (0.95, 1.05))
     folds = [point.parameters["Omega"] for point in response.special_points.of_type("SN")]
     assert len(folds) == 2
     assert min(folds) < most["omega"] < max(folds)
@@ -87,10 +87,10 @@ def test_slightly_below_the_maximum_the_response_in_contact_has_two_saddle_nodes
 
 def test_slightly_above_the_maximum_the_response_has_no_saddle_node_and_no_contact(most, fig5_found):
     damping = most["D_att_1"] + 2e-5
-    small = fig5_found["results"]["response"].orbit(0)
+    small = fig5_found["results"]["response"].solution(0)
     assert small.min["z"] > A0
     up_to = saltus.continue_orbit(small, "D_att_1", (0.025, damping), directions="up")
-    response = saltus.continue_orbit(up_to.orbit(-1), "Omega", (0.8, 1.4))
+    response = saltus.continue_orbit(up_to.solution(-1), "Omega", (0.8, 1.4))
     assert response.stopped == ("Omega = 0.8: bound reached", "Omega = 1.4: bound reached")
     assert not list(response.special_points)
     assert response.stable.all()
@@ -101,7 +101,7 @@ def test_slightly_above_the_maximum_the_response_has_no_saddle_node_and_no_conta
 def test_beside_the_maximum_the_fold_comes_at_less_damping(most, repulsive, beside):
     omega = most["omega"] + beside
     way = saltus.continue_orbit(repulsive, "Omega", (omega, 1.05), directions="down")
-    branch = saltus.continue_orbit(way.orbit(-1), "D_att_1", (0.025, 0.2), directions="up")
+    branch = saltus.continue_orbit(way.solution(-1), "D_att_1", (0.025, 0.2), directions="up")
     fold = max(point.parameters["D_att_1"] for point in branch.special_points.of_type("SN"))
     assert most["D_att_1"] - 1e-4 < fold < most["D_att_1"]
 

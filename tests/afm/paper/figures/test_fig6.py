@@ -64,7 +64,7 @@ def _moved(orbit, name, value):
     bounds, direction = (min(begin, value), max(begin, value)), "up" if value > begin else "down"
     way = saltus.continue_orbit(orbit, name, bounds, directions=direction)
     assert not way.special_points.of_type("SN")
-    end = way.orbit(-1)
+    end = way.solution(-1)
     assert end.parameters[name] == pytest.approx(value, rel=1e-12)
     return end
 

@@ -296,4 +296,4 @@ def test_orbits_next_to_a_homoclinic_one_are_given():
     cycles = branch_of(LORENZ, {"sigma": 10.0, "b": 8.0 / 3.0, "r": 20.0}, "r", (10.0, 30.0), [7.0, 7.0, 19.0])
     assert [point.type for point in cycles.special_points] == ["HOM", "HB"]
     for index in (0, 1, 2):
-        assert np.array_equal(cycles.orbit(index).multipliers, cycles.multipliers[index])
+        assert np.array_equal(cycles.solution(index).multipliers, cycles.multipliers[index])

@@ -92,7 +92,7 @@ def compute(progress: bool | Report = False) -> Iterator[tuple[str, Result]]:
 
     base = response(repulsive_orbit(progress), BOUNDS["Omega"], steps, progress)
     yield "response", base
-    family = responses(base.orbit(0), {"ybar": DRIVES}, BOUNDS["Omega"], BranchOptions(steps), progress)
+    family = responses(base.solution(0), {"ybar": DRIVES}, BOUNDS["Omega"], BranchOptions(steps), progress)
     yield "responses", family
     for name, label in _SADDLE_NODES.items():
         yield locus(name, base[label])

@@ -109,7 +109,7 @@ def compute(progress: bool | Report = False) -> Iterator[tuple[str, Result]]:
     yield "response", base
     in_air, in_contact = zip(*DAMPINGS, strict=True)
     over = {"D_att_1": in_air, "D_rep_1": in_contact}
-    family = responses(base.orbit(0), over, BOUNDS["Omega"], BranchOptions(steps), progress)
+    family = responses(base.solution(0), over, BOUNDS["Omega"], BranchOptions(steps), progress)
     yield "responses", family
     yield locus("SN_1", base["SN4"], "D_att_1")
     yield locus("SN_2", base["SN5"], "D_att_1")

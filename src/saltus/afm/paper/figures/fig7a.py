@@ -217,7 +217,7 @@ def _place(orbit: PeriodicOrbit) -> NDArray[np.float64]:
 def _direction(branch: Branch, point: SpecialPoint) -> NDArray[np.float64]:
     """Return the vector from the branch's point before a special point to the next point after it."""
     before, after = int(np.floor(point.position)), int(np.ceil(point.position))
-    return _place(branch.orbit(after)) - _place(branch.orbit(before))
+    return _place(branch.solution(after)) - _place(branch.solution(before))
 
 
 def _differences(one_mode: Branch, branches: Mapping[float, Branch]) -> dict[float, NDArray[np.float64]]:
