@@ -1,0 +1,50 @@
+"""Files of older versions are read, and hold the numbers that are computed now."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_set import computed
+
+from saltus import load
+
+SMALL = Path(__file__).parents[1] / "golden" / "small"
+ARCHIVES = {path.stem.removeprefix("files-"): path for path in SMALL.glob("files-*.zip")}
+KEPT = [(version, name) for version, path in ARCHIVES.items() for name in zipfile.ZipFile(path).namelist()]
+SAME = 1e-9  # of a variable's size: the last bits depend on the processor
+CLOCKS = {"seconds", "elapsed", "created"}  # what the clock tells
+
+
+def kept(version, name, folder):
+    with zipfile.ZipFile(ARCHIVES[version]) as archive:
+        return load(archive.extract(name, folder))
+
+
+@pytest.mark.campaign
+def test_a_file_of_each_kind_is_kept():
+    assert {name.removesuffix(".nc") for _, name in KEPT} == set(computed())
+
+
+@pytest.mark.parametrize(("version", "name"), KEPT)
+def test_a_file_of_an_older_version_is_read_and_saved_as_it_was(version, name, tmp_path):
+    found = kept(version, name, tmp_path)
+    assert load(found.save(tmp_path / "again.nc")) == found
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("version", "name"), KEPT)
+def test_numbers_are_those_that_an_older_version_computed(version, name, tmp_path):
+    before = kept(version, name, tmp_path).to_xarray()
+    now = computed()[name.removesuffix(".nc")].to_xarray()
+    assert dict(before.sizes) == dict(now.sizes)
+    assert set(before.variables) == set(now.variables)
+    for variable in set(before.variables) - CLOCKS:
+        one, other = before[variable].to_numpy(), now[variable].to_numpy()
+        if one.dtype.kind in "fc":
+            size = np.abs(one[np.isfinite(one)]).max(initial=1e-300)
+            np.testing.assert_allclose(other, one, rtol=SAME, atol=SAME * size, err_msg=variable)
+        elif one.dtype.kind in "iub":
+            np.testing.assert_array_equal(other, one, err_msg=variable)
