@@ -126,6 +126,13 @@ class Screen:
         self.page.wait_for_selector(f".result-{result} .result")
         return self.page.inner_text(f".result-{result} .result")
 
+    def until_value(self, selector: str, value: float, within: float) -> None:
+        """Wait until a field holds a number."""
+        begun = time.monotonic()
+        while not abs(float(self.page.input_value(selector)) - value) < within:
+            assert time.monotonic() - begun < PATIENCE / 1e3, f"{self.page.input_value(selector)}, not {value}"
+            self.page.wait_for_timeout(20)
+
     def text(self, name: str) -> str:
         """Return the text of a part of the page."""
         self.page.wait_for_selector(f".{name}", state="attached")

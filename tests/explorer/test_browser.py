@@ -98,8 +98,9 @@ def test_a_fold_is_selected_by_a_click_and_its_frequency_read(screen, kept):
 def test_a_slider_moves_a_parameter(screen):
     handle = screen.page.locator(".slider-ybar .noUi-handle")
     handle.focus()
-    for _ in range(5):
+    for k in range(1, 6):
         handle.press("ArrowRight")
+        screen.until_value(".parameter-ybar input", 0.108 + 0.0014 * k, within=1e-3)
     screen.page.click(".find-orbit")
     screen.wait("orbit2")
     value = float(screen.page.input_value(".parameter-ybar input"))

@@ -7,10 +7,11 @@ from typing import Any, overload
 
 from saltus import checks
 from saltus.continuation.core.arclength import StepControl
+from saltus.continuation.core.point_types import POINT_TYPES
 from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.results.locus import Locus
 from saltus.continuation.results.map_locus import MapLocus
-from saltus.continuation.results.special_points import MEANING, SpecialPoint
+from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.equilibrium_locus import EquilibriumLocusRun
 from saltus.continuation.runs.map_locus import CycleLocusRun
 from saltus.continuation.runs.options import read_plane, read_steps, read_stops
@@ -141,14 +142,14 @@ def continue_locus(
     kind = _type_of(point, solution, run, type)
     plane = read_plane(solution, parameters, bounds)
     checks.chosen("directions", directions, ("both", "up", "down"))
-    asked = Asked(control, directions, read_stops(stop_at, run.points), reporter)
+    asked = Asked(control, directions, read_stops(stop_at, run.points()), reporter)
     return run(point, solution, kind, plane, asked).locus()  # type: ignore[no-any-return]
 
 
 def _type_of(point: SpecialPoint[Any] | None, solution: Any, run: type[TwoParameterRun], given: str | None) -> str:
     """Return the type of the locus that starts at a special point, or at a solution."""
     if given is not None:
-        checks.chosen("type", given, run.types)
+        checks.chosen("type", given, run.types())
     run.check(solution)
     if given is not None:
         return given
@@ -159,6 +160,6 @@ def _type_of(point: SpecialPoint[Any] | None, solution: Any, run: type[TwoParame
     kind = run.loci.get(point.type, point.locus if point.type == "TP" else None)
     if kind is None:
         allowed = f"a point of type {', '.join(run.loci)}"
-        hint = "no locus belongs to " + ("this type" if point.type in MEANING else "a user's event")
+        hint = "no locus belongs to " + ("this type" if point.type in POINT_TYPES else "a user's event")
         raise InputError("start", point.type, allowed, hint)
     return kind

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
+from saltus.continuation.core.point_types import POINT_TYPES
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -83,35 +84,9 @@ class Marker:
         }
 
 
-# Markers of special points, those of codimension two last. Red, green and purple are the paper's; the green is much
-# lighter than the red, so that they differ without colour too.
+# Markers of special points.
 SPECIAL: Mapping[str, Marker] = MappingProxyType(
-    {
-        "SN": Marker("saddle-node", "o", "#b8101f"),
-        "GR": Marker("grazing", "o", "#35b755"),
-        "BC": Marker("border collision", "o", "#35b755"),
-        "PD": Marker("period doubling", "o", "#7b3294", size=3.5),
-        "TR": Marker("torus", "D", "#0f5fa8", filled=False),
-        "BP": Marker("branch point", "s", "#000000"),
-        "HB": Marker("Hopf point", "D", "#b35900"),
-        "HOM": Marker("homoclinic orbit", "*", "#1b1b1e", size=7.0),
-        "SNIC": Marker("saddle-node on an invariant circle", "*", "#b8101f", filled=False, size=7.0),
-        "BE": Marker("boundary equilibrium", "s", "#00798c", filled=False),
-        "CP": Marker("cusp", "^", "#1b1b1e", size=6.0),
-        "GPD": Marker("generalised period doubling", "v", "#1b1b1e", size=6.0),
-        "CH": Marker("Chenciner point", "p", "#1b1b1e", size=6.0),
-        "R1": Marker("resonance 1:1", "<", "#8a4b08", size=6.0),
-        "R2": Marker("resonance 1:2", ">", "#8a4b08", size=6.0),
-        "R3": Marker("resonance 1:3", "h", "#8a4b08", size=6.0),
-        "R4": Marker("resonance 1:4", "X", "#8a4b08", size=6.0),
-        "FF": Marker("fold-flip", "P", "#1b1b1e", size=6.0),
-        "BT": Marker("Bogdanov-Takens", "*", "#1b1b1e", size=8.0),
-        "GH": Marker("generalised Hopf", "v", "#1b1b1e", filled=False, size=6.0),
-        "ZH": Marker("zero-Hopf", "p", "#1b1b1e", filled=False, size=6.0),
-        "HH": Marker("double Hopf", "h", "#1b1b1e", filled=False, size=6.0),
-        "TP": Marker("turning point", "o", "#5c5c66", filled=False, size=4.0),
-        "EX": Marker("extremum", "^", "#8a6d00", filled=False, size=5.0),
-    }
+    {name: Marker(of.legend, of.marker, of.colour, of.filled, of.size) for name, of in POINT_TYPES.items()}
 )
 
 EVENT = Marker("event", "o", "#8a6d00", filled=False)  # marker of a user's event

@@ -39,7 +39,7 @@ def test_cost_follows_from_the_sample(well, both):
 def test_cost_is_told_with_attractors_that_are_looked_for(well):
     cost = estimate_cost(well, {}, BOX, {"options": AttractorOptions(starts=12, samples=200)}, seconds=0.0)
     assert cost.cells == 600
-    with pytest.raises(InputError, match="attractors = 'sedes': must be options among"):
+    with pytest.raises(InputError, match="attractors = 'sedes': must be arguments among"):
         estimate_cost(well, {}, BOX, {"sedes": 12})
 
 

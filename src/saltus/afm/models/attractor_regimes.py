@@ -36,12 +36,13 @@ def name_by_regime(attractors: Attractors) -> Attractors:
 
     Examples
     --------
-    >>> from saltus import afm, basins, find_orbit
+    >>> from saltus import afm, basins, find_orbit, options
     >>> probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=40.0, R_nm=12.0)
     >>> law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
     >>> orbit = find_orbit(afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=5.0), x0=[0.0, 0.0])
     >>> region = {"z1_nm": (-9.0, 9.0), "v1_nm_us": (-17.0, 17.0)}
-    >>> name_by_regime(basins.attractors_from({"found": orbit}, region, motions=100)).names
+    >>> few = options.AttractorOptions(motions=100)
+    >>> name_by_regime(basins.attractors_from({"found": orbit}, region, options=few)).names
     ('repulsive',)
     """
     checks.instance("attractors", attractors, Attractors)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from saltus.continuation.core.point_types import on_branches
+
 __all__ = ["BIFURCATIONS", "Monitor", "at_grazing", "bifurcates"]
 
-BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")  # types of special points that have loci
+BIFURCATIONS = on_branches("orbit")  # types of special points at which smooth branches of orbits bifurcate
 
 _GRAZINGS = ("margin", "side", "duration", "rate")  # kinds that vanish at grazings
 

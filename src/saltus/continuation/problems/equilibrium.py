@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.point_types import on_branches
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
 from saltus.continuation.problems.stretches import Stretch, spectra
@@ -22,13 +23,12 @@ if TYPE_CHECKING:
     from saltus.continuation.core.interest import Interest
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["CRITICAL", "EquilibriumZeroProblem", "row_units"]
+__all__ = ["EquilibriumZeroProblem", "row_units"]
 
 _DOMAIN = Monitor("domain")  # domain function of the mode
 
 # test functions that must keep their signs where many steps are taken at once
 _QUIET = tuple(Monitor(kind) for kind in ("SN", "BP", "HB", "low", "high"))
-CRITICAL = ("SN", "BP", "HB", "BE")  # kinds of monitor functions at whose zeros something bifurcates
 
 
 def row_units(J: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -42,7 +42,7 @@ def row_units(J: NDArray[np.float64]) -> NDArray[np.float64]:
 class EquilibriumZeroProblem(AlgebraicZeroProblem):
     """Equilibria of one mode as a `ZeroProblem`; see `AlgebraicZeroProblem`."""
 
-    critical = CRITICAL
+    critical = on_branches("equilibrium")
     vanishing = "the field does not vanish there"
     problem: EquilibriumProblem
 

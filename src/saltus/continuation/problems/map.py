@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.point_types import on_branches
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, PointData
 from saltus.maps.orbit import faults_of
@@ -22,15 +23,13 @@ if TYPE_CHECKING:
 
     from saltus.maps.problem import CycleProblem
 
-__all__ = ["CYCLE_POINTS", "CycleData", "CycleZeroProblem", "grows_without_bound", "rotates"]
+__all__ = ["CycleData", "CycleZeroProblem", "grows_without_bound", "rotates"]
 
 _PD = Monitor("PD")  # product of 1 + mu
 _TR = Monitor("TR")  # product of the pairs' products less 1
 
 _GROWN = 1e3  # size of a state, over that at the start, from which on a curve may grow without bound
 _RESTS = 1e-5  # change of each parameter per unit of arclength, below which such a curve does
-
-CYCLE_POINTS = ("SN", "PD", "TR", "BP", "BC")  # types of special points of a branch of cycles
 
 
 class CycleData(PointData):
@@ -48,7 +47,7 @@ class CycleZeroProblem(AlgebraicZeroProblem):
     The squared arclength is the mean of that of the points, so that a doubled cycle goes as far as the single one.
     """
 
-    critical = CYCLE_POINTS
+    critical = on_branches("map")
     single = ("SN", "BP", "PD")
     paired = _TR
     faint = MappingProxyType({_PD: FAINT, _TR: FAINT})

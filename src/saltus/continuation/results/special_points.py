@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, overload
 import numpy as np
 
 from saltus import checks
+from saltus.continuation.core.point_types import POINT_TYPES
 from saltus.continuation.problems.ends.connection import Homoclinic
 from saltus.continuation.results.point_normal_forms import Critical, normal_form_at
 from saltus.continuation.results.point_sensitivities import Place, moved
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["MEANING", "Solved", "SpecialPoint", "SpecialPoints"]
+__all__ = ["Solved", "SpecialPoint", "SpecialPoints"]
 
 if TYPE_CHECKING:
     from typing_extensions import TypeVar
@@ -36,34 +37,6 @@ else:
     from typing import TypeVar
 
     Solved = TypeVar("Solved", bound=Solution)
-
-# What each type of special point means, in a `repr`.
-MEANING = {
-    "SN": "saddle-node (fold)",
-    "PD": "period doubling (flip)",
-    "TR": "torus (Neimark-Sacker)",
-    "BP": "branch point",
-    "GR": "grazing",
-    "HB": "Hopf",
-    "HOM": "homoclinic orbit",
-    "SNIC": "saddle-node on an invariant circle",
-    "BE": "boundary equilibrium",
-    "BC": "border collision",
-    "CP": "cusp",
-    "GPD": "generalised period doubling",
-    "CH": "Chenciner",
-    "R1": "strong resonance 1:1",
-    "R2": "strong resonance 1:2",
-    "R3": "strong resonance 1:3",
-    "R4": "strong resonance 1:4",
-    "FF": "fold-flip",
-    "BT": "Bogdanov-Takens",
-    "GH": "generalised Hopf (Bautin)",
-    "ZH": "zero-Hopf",
-    "HH": "double Hopf",
-    "TP": "turning point of a parameter",
-    "EX": "extremum",
-}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -259,7 +232,7 @@ class SpecialPoint(Generic[Solved]):
         return xr.Dataset({along: ("parameter", slopes, attributes)}, {"parameter": list(others)})
 
     def __repr__(self) -> str:
-        meaning = f", {MEANING[self.type]}" if self.type in MEANING else ""
+        meaning = f", {POINT_TYPES[self.type].meaning}" if self.type in POINT_TYPES else ""
         if self.type == "HB" and not self.solution.at_rest:
             meaning += ": the cycle shrinks to an equilibrium"
         if self.multiplicity > 1:

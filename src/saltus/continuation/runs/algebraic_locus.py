@@ -35,9 +35,6 @@ class AlgebraicLocusRun(TwoParameterRun):
     result: ClassVar[type[Any]]  # what comes back
     columns = staticmethod(algebraic_columns)  # its fields that tell of solutions
     loci: ClassVar[Mapping[str, str]] = MappingProxyType({"SN": "SN", "CP": "SN"})
-    types: ClassVar[tuple[str, ...]] = ("SN",)
-    codimension_two: ClassVar[tuple[str, ...]] = ("CP",)  # types of special points that a start may be
-    points: ClassVar[tuple[str, ...]] = ("CP", "TP", "SN")
     ends_at: ClassVar[Mapping[str, str]] = MappingProxyType({})  # special points at which a locus ends, and why
     first_sizes: NDArray[np.float64]  # sizes of the unknowns at the start, known when the first point is
 
@@ -112,6 +109,6 @@ class AlgebraicLocusRun(TwoParameterRun):
     def at_start(self, origin: Point) -> Found | None:
         """See `TwoParameterRun.at_start`: one of codimension two is."""
         start = self.start
-        if start is None or start.type not in self.codimension_two:
+        if start is None or self.loci.get(start.type, start.type) == start.type:
             return None
         return self._found(start.type, origin, 0.0, 0, start.of)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.problems.boundary import beyond_boundary
-from saltus.continuation.problems.equilibrium import CRITICAL, EquilibriumZeroProblem
+from saltus.continuation.problems.equilibrium import EquilibriumZeroProblem
 from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
 from saltus.continuation.runs.one_parameter import branch_run
@@ -40,7 +40,7 @@ class EquilibriumRun(AlgebraicRun):
     zero_problem = EquilibriumZeroProblem
     result = EquilibriumBranch
     columns = staticmethod(equilibrium_columns)
-    types = CRITICAL
+    types = EquilibriumZeroProblem.critical
     what = "equilibrium"
     border = "BE"
     at_border = "boundary equilibrium"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from saltus.continuation.core.point_types import loci_through
 from saltus.continuation.problems.equilibrium_locus import EquilibriumLocusProblem
 from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.runs.algebraic_locus import AlgebraicLocusRun
@@ -27,12 +28,7 @@ class EquilibriumLocusRun(AlgebraicLocusRun):
     result = EquilibriumLocus
     columns = staticmethod(equilibrium_columns)
     measured = ("coefficient", "frequency")
-    loci = MappingProxyType(
-        {"SN": "SN", "HB": "HB", "BE": "BE", "CP": "SN", "BT": "HB", "GH": "HB", "ZH": "SN", "HH": "HB"}
-    )
-    types = ("SN", "HB", "BE")
-    codimension_two = ("CP", "BT", "GH", "ZH", "HH")
-    points = (*codimension_two, "TP", *types)
+    loci = loci_through("equilibrium")
     ends_at = MappingProxyType(
         {
             "BT": "beyond it two real eigenvalues differ in sign alone: no Hopf points",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.problems.border import TOGETHER, beyond_border
-from saltus.continuation.problems.map import CYCLE_POINTS, CycleZeroProblem
+from saltus.continuation.problems.map import CycleZeroProblem
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
 from saltus.continuation.runs.one_parameter import branch_run
@@ -44,7 +44,7 @@ class CycleRun(AlgebraicRun):
     zero_problem = CycleZeroProblem
     result = MapBranch
     columns = staticmethod(cycle_columns)
-    types = CYCLE_POINTS
+    types = CycleZeroProblem.critical
     what = "cycle"
     border = "BC"
     at_border = "border collision"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from saltus.continuation.core.point_types import loci_through
 from saltus.continuation.problems.map import grows_without_bound
 from saltus.continuation.problems.map_locus import CycleLocusProblem
 from saltus.continuation.results.map_locus import MapLocus
@@ -28,13 +29,7 @@ class CycleLocusRun(AlgebraicLocusRun):
     result = MapLocus
     columns = staticmethod(cycle_columns)
     measured = ("coefficient", "angle")
-    loci = MappingProxyType({
-        "SN": "SN", "PD": "PD", "TR": "TR", "BC": "BC", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN", "R2": "PD",
-        "R3": "TR", "R4": "TR", "FF": "SN",
-    })  # fmt: skip
-    types = ("SN", "PD", "TR", "BC")
-    codimension_two = ("CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF")
-    points = (*codimension_two, "TP", *types)
+    loci = loci_through("map")
     ends_at = MappingProxyType(
         {
             "R1": "beyond it two real multipliers have the product 1",

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.core.locating import events_between
-from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
+from saltus.continuation.core.monitor import Monitor, at_grazing
+from saltus.continuation.core.point_types import loci_through
 from saltus.continuation.core.zero_problem import SAME, Event, Point
 from saltus.continuation.problems.critical_points import CriticalOrbit
 from saltus.continuation.problems.ends.closure import alongside, passes
@@ -45,12 +45,7 @@ class OrbitLocusRun(TwoParameterRun):
     odd = LocusZeroProblem.odd
     solution: PeriodicOrbit
     branch: LocusZeroProblem
-    loci = MappingProxyType({
-        "SN": "SN", "PD": "PD", "TR": "TR", "BP": "BP", "GR": "GR", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN",
-        "R2": "PD", "R3": "TR", "R4": "TR", "FF": "SN",
-    })  # fmt: skip
-    types = BIFURCATIONS
-    points = ("CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF", "TP", *BIFURCATIONS)
+    loci = loci_through("orbit")
     measured = ("coefficient", "angle")
 
     @classmethod

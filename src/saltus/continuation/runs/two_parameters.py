@@ -56,8 +56,6 @@ class TwoParameterRun(Run):
 
     curve = "locus"
     loci: ClassVar[Mapping[str, str]]  # type of the locus that starts at a special point of each type, if none is named
-    types: ClassVar[tuple[str, ...]]  # types of loci
-    points: ClassVar[tuple[str, ...]]  # types of special points that `stop_at` may name
     measured: ClassVar[tuple[str, ...]] = ("coefficient",)  # data of its points that a locus holds
     branch: Any  # the equations, known when the first point is
 
@@ -69,6 +67,17 @@ class TwoParameterRun(Run):
         first, second = ((low / unit, high / unit) for (low, high), unit in
                          zip(self.intervals, self.scales.tolist(), strict=True))  # fmt: skip
         self.bounds = (first, second)
+
+    @classmethod
+    def types(cls) -> tuple[str, ...]:
+        """Return the types of loci."""
+        return tuple(name for name, locus in cls.loci.items() if name == locus)
+
+    @classmethod
+    def points(cls) -> tuple[str, ...]:
+        """Return the types of special points that `stop_at` may name: those of codimension two first."""
+        own = cls.types()
+        return (*(name for name in cls.loci if name not in own), "TP", *own)
 
     @classmethod
     def check(cls, solution: Any) -> None:
