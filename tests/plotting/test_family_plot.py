@@ -141,7 +141,7 @@ def test_axes_and_legend_name_what_is_drawn(family):
     assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("$A$", "$d$", "max $x$")
     (legend,) = ax.figure.legends
     texts = [text.get_text() for text in legend.get_texts()]
-    assert texts == ["stable", "unstable", "SN, saddle-node", "GR, grazing", "PD, period doubling"]
+    assert texts == ["stable", "unstable", "SN, saddle-node", "PD, period doubling", "GR, grazing"]
 
 
 @pytest.mark.parametrize("projection", ["3d", "2d"])
