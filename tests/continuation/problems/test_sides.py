@@ -314,7 +314,7 @@ def test_a_touch_from_either_side_is_located_wherever_the_phase_begins(side, lag
     for most in (0.02, 0.1, 0.3):
         branch = continue_orbit(start, "p", (0.2, 3.0), steps=StepControl(largest=most))
         assert branch["GR1"].parameters["p"] == pytest.approx(1.0, abs=1e-9)
-        quiet = [orbit for orbit in map(branch.orbit, range(len(branch))) if orbit.signature == (("m", "s"),)]
+        quiet = [orbit for orbit in map(branch.solution, range(len(branch))) if orbit.signature == (("m", "s"),)]
         assert all(orbit.parameters["p"] < 1.0 + 1e-9 for orbit in quiet if orbit.admissible)
     falling = find_orbit(system, {"p": 1.0001}, x0=[0.0, 1.0])
     assert falling.signature == (("m", "fall"),)
@@ -327,7 +327,7 @@ def test_a_reset_that_lands_on_the_far_side_of_an_event_of_either_direction_is_n
     events = [Transition("m", "m", "x*(x - 1)", 0, {"x": "q*x*x"}, name="edge")]
     system = HybridSystem(("x", "y"), {"q": 0.2}, {"m": Mode(field)}, events)
     branch = continue_orbit(find_orbit(system, {}, x0=[0.5, 1.0]), "q", (-0.5, 0.5), steps=StepControl(largest=step))
-    admissible = [o.parameters["q"] for o in map(branch.orbit, range(len(branch))) if o.admissible]
+    admissible = [o.parameters["q"] for o in map(branch.solution, range(len(branch))) if o.admissible]
     assert min(admissible) == pytest.approx(0.0, abs=1e-6)
     assert min(admissible) >= -1e-9
 
