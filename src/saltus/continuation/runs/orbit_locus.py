@@ -83,6 +83,10 @@ class OrbitLocusRun(TwoParameterRun):
         self.branch = LocusZeroProblem(problem, self.kind, condition, z, self.bounds)
         return z
 
+    def judged(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `TwoParameterRun.judged`: segment equations are in the sizes of the states as they are."""
+        return matrix
+
     def why_irregular(self) -> str:
         """See `TwoParameterRun.why_irregular`."""
         at_cusp = self.start is not None and self.start.type == "CP"

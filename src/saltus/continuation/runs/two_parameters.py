@@ -108,6 +108,11 @@ class TwoParameterRun(Run):
         """Return what the first point is."""
         return self.branch.examine(point, None)  # type: ignore[no-any-return]
 
+    def judged(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the rows of the extended equations as it is judged whether the start is regular: over their terms."""
+        terms = np.abs(matrix).max(axis=1, keepdims=True)
+        return np.asarray(matrix / np.where(terms > 0.0, terms, 1.0))
+
     def why_irregular(self) -> str:
         """Return why a start has no regular locus."""
         return "the extended equations have more than one solution direction there"
@@ -115,9 +120,7 @@ class TwoParameterRun(Run):
     def begin(self) -> tuple[Any, Point]:
         """Return the equations and the first point, its tangent towards growing values of the user's second one."""
         z = self.extended()
-        matrix = self.branch.evaluate(z)[1] * self.branch.scale()
-        terms = np.abs(matrix).max(axis=1, keepdims=True)
-        found = np.linalg.svd(matrix / np.where(terms > 0.0, terms, 1.0), compute_uv=False)
+        found = np.linalg.svd(self.judged(self.branch.evaluate(z)[1] * self.branch.scale()), compute_uv=False)
         if not found[-1] > _REGULAR * found[0]:
             raise self.irregular(self.why_irregular())
         try:
