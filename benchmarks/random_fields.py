@@ -251,7 +251,7 @@ def said(f: Field, start: np.ndarray, largest: float) -> tuple[list[tuple[str, i
     if f.rate:
         fixed = solve_orbit(polynomial_field(f.n, discrete=True), parameters, x0=start[:-1])
         branch = continue_orbit(fixed, "mu", (-BOUND, BOUND), steps=steps)
-        states = [p.cycle.points[0] for p in branch.special_points]
+        states = [p.map_orbit.points[0] for p in branch.special_points]
     else:
         equilibrium = find_equilibrium(polynomial_field(f.n), parameters, x0=start[:-1])
         branch = continue_equilibrium(equilibrium, "mu", (-BOUND, BOUND), steps=steps)

@@ -1,4 +1,4 @@
-"""Branches of cycles of maps against closed forms, and against the same maps with a clock."""
+"""Branches of orbits of maps against closed forms, and against the same maps with a clock."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def test_the_fixed_point_of_the_logistic_map_doubles_at_three():
     assert np.array_equal(branch.stable, np.abs(branch.multipliers[:, 0]) < 1)
 
 
-def test_the_doubled_cycle_ends_where_its_period_halves_and_doubles_at_one_plus_the_root_of_six():
+def test_the_doubled_orbit_ends_where_its_period_halves_and_doubles_at_one_plus_the_root_of_six():
     branch = branch_of(logistic(), "r", (2.5, 3.6), [0.5], period=2)
     assert branch.stopped[0] == "r = 3: the period halves"
     assert branch["PD1"].parameters["r"] == pytest.approx(1 + math.sqrt(6), abs=1e-10)
     assert branch.iteration("x", 1).shape == branch.column("x").shape
 
 
-def test_the_cycle_of_period_three_is_born_at_one_plus_the_root_of_eight():
+def test_the_orbit_of_period_three_is_born_at_one_plus_the_root_of_eight():
     branch = branch_of(logistic(), "r", (3.0, 4.0), [0.15], {"r": 3.84}, period=3)
     assert branch["SN1"].parameters["r"] == pytest.approx(1 + math.sqrt(8), abs=1e-10)
     assert branch["PD1"].parameters["r"] == pytest.approx(3.841499007543509, abs=1e-9)
@@ -48,7 +48,7 @@ def test_the_fixed_points_of_the_henon_map_fold_and_double_where_they_should():
     branch = branch_of(henon(), "a", (-1.0, 2.0), [0.7, 0.2], {"a": 0.1})
     assert branch["SN1"].parameters["a"] == pytest.approx(-((1 - b) ** 2) / 4, abs=1e-10)
     assert branch["PD1"].parameters["a"] == pytest.approx(3 * (1 - b) ** 2 / 4, abs=1e-10)
-    assert branch.stopped[0].endswith("the cycle grows without bound")
+    assert branch.stopped[0].endswith("the orbit grows without bound")
     assert np.prod(branch.multipliers, axis=1).real == pytest.approx(-b, abs=1e-9)
 
 
@@ -56,7 +56,7 @@ def test_the_delayed_logistic_map_has_its_neimark_sacker_point_at_two():
     branch = branch_of(delayed(), "r", (1.5, 2.5), [0.47, 0.47])
     point = branch["TR1"]
     assert point.parameters["r"] == pytest.approx(2.0, abs=1e-10)
-    assert np.angle(point.cycle.multipliers[0]) == pytest.approx(math.pi / 3, abs=1e-10)
+    assert np.angle(point.map_orbit.multipliers[0]) == pytest.approx(math.pi / 3, abs=1e-10)
 
 
 def test_the_cusp_map_folds_twice_and_doubles_twice():
@@ -97,7 +97,7 @@ def test_a_branch_ends_where_the_map_jumps():
     assert branch.stopped[1] == "mu = 0: border collision, the map jumps there"
 
 
-def test_a_branch_ends_where_a_linear_flip_makes_all_cycles_meet_one_value():
+def test_a_branch_ends_where_a_linear_flip_makes_all_orbits_meet_one_value():
     """Right of the border x -> t x - d x' doubles at t = -1 - d, where each point has period two."""
     planar = Map(
         ("x", "y"), {"a": 0.5, "c": 0.3, "t": -2.0, "d": 0.4, "mu": 0.2},
@@ -174,7 +174,7 @@ def test_what_cannot_be_used_is_named():
 
 
 def test_points_that_move_to_different_sides_of_borders_met_at_once_end_the_branch():
-    """At mu = 0 both points of the cycle meet the border; it is virtual on either side, and so is the turned one."""
+    """At mu = 0 both points of the orbit meet the border; it is virtual on either side, and so is the turned one."""
     pieces = {
         "left": Piece({"x": "x/2 + y + mu", "y": "-3*x/10"}, where="-x"),
         "right": Piece({"x": "-6*x/5 + y + mu", "y": "-2*x/5"}, where="x"),
@@ -199,7 +199,7 @@ def test_the_parameter_turns_at_a_pitchfork_without_a_saddle_node():
 
 
 def test_a_loop_of_nonsmooth_folds_is_followed_once():
-    """A branch of virtual cycles enters a loop between two nonsmooth folds; each round begins at another point."""
+    """A branch of virtual orbits enters a loop between two nonsmooth folds; each round begins at another point."""
     parameters = {"p": -0.1626564684583851, "q": -0.844126052125311, "r": 0.3859767611271874, "s": 1.131582096201642}
     pieces = {
         "left": Piece({"x": "p*x + y + 1/5", "y": "-q*x"}, where="-x"),
@@ -210,6 +210,6 @@ def test_a_loop_of_nonsmooth_folds_is_followed_once():
     assert "followed already" in branch.stopped[0]
     assert [point.kind for point in branch.special_points.of_type("BC")] == ["nonsmooth fold"] * 2
     assert len(branch) < 300
-    last, met = branch.solution(0), branch.special_points[-1].cycle
+    last, met = branch.solution(0), branch.special_points[-1].map_orbit
     assert last.parameters["r"] == pytest.approx(met.parameters["r"], abs=1e-9)
     assert sorted(last.points[:, 0]) == pytest.approx(sorted(met.points[:, 0]), abs=1e-9)

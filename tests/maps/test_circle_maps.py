@@ -66,7 +66,7 @@ def test_fixed_points_and_their_tongue_are_the_closed_form(turns):
 @pytest.mark.parametrize(
     ("K", "period", "turns", "low", "high"), [(0.9, 2, 1, 2.7, 3.6), (0.9, 3, 1, 2.0, 2.35), (0.8, 5, 2, 2.4, 2.75)]
 )
-def test_tongues_of_longer_cycles_have_the_edges_of_scipy(K, period, turns, low, high):
+def test_tongues_of_longer_orbits_have_the_edges_of_scipy(K, period, turns, low, high):
     w = brentq(lambda w: drift(0.4, w, K, period) - TURN * turns, low, high)
     orbit = solve_orbit(CIRCLE, {"w": w, "K": K}, x0=[0.4], period=period)
     assert orbit.period == period
@@ -96,7 +96,7 @@ def test_between_tongues_the_motion_is_quasi_periodic():
     assert np.all((shown >= -math.pi) & (shown < math.pi))
 
 
-def test_accelerating_motion_of_the_standard_map_is_no_cycle_of_the_plane():
+def test_accelerating_motion_of_the_standard_map_is_no_orbit_of_the_plane():
     """With y on a circle as well, kicks of whole turns close: y grows by 2 pi in each iteration."""
     torus = Map(("x", "y"), {"K": 6.5}, {"x": "x + y + K*sin(x)", "y": "y + K*sin(x)"}, angles=("x", "y"), name="torus")
     orbit = solve_orbit(torus, x0=[1.3, 0.0])

@@ -41,7 +41,7 @@ def test_a_start_on_a_known_branch_is_not_followed_again():
 
 
 def test_the_cubic_map_has_its_pitchfork_and_both_doublings():
-    """x = 0 has the multiplier a, x^2 = a - 1 has 3 - 2 a; both doubled cycles double again at the root of 5."""
+    """x = 0 has the multiplier a, x^2 = a - 1 has 3 - 2 a; both doubled orbits double again at the root of 5."""
     found = diagram(CUBIC, "a", (-2.5, 3.0), x0=[0.0])
     assert places(found, "BP") == pytest.approx([1.0], abs=1e-9)
     assert places(found, "PD") == pytest.approx([-1.0, 2.0, 2.0, math.sqrt(5.0), math.sqrt(5.0)], abs=1e-8)
@@ -74,12 +74,12 @@ def test_the_other_branch_of_a_plane_map_is_its_point_0_and_not_rounding_of_it()
 def test_a_diagram_of_a_map_is_saved_loaded_listed_and_told(of_logistic, tmp_path):
     assert saltus.load(of_logistic.save(tmp_path / "diagram.nc")) == of_logistic
     table = of_logistic.table()
-    assert list(table["of"]) == ["cycles"] * 5
+    assert list(table["of"]) == ["map orbits"] * 5
     assert list(table["period"]) == [1, 1, 2, 4, 8]
-    assert "cycles of period 4 from PD1 of branch 2" in repr(of_logistic)
+    assert "orbits of period 4 from PD1 of branch 2" in repr(of_logistic)
     assert "17 fixed points from a start" in repr(of_logistic)
 
 
 def test_without_a_fixed_point_near_the_start_the_search_says_so():
-    with pytest.raises(saltus.ConvergenceError, match="cycle"):
+    with pytest.raises(saltus.ConvergenceError, match="orbit"):
         diagram(Map(("x",), {"a": 1.0}, {"x": "x + a + x**2"}), "a", (0.5, 2.0), x0=[0.3])

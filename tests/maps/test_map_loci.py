@@ -1,4 +1,4 @@
-"""Loci of cycles of maps along two parameters, against closed forms."""
+"""Loci of orbits of maps along two parameters, against closed forms."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_border_collisions_of_the_skew_tent_map_lie_on_mu_equal_to_zero():
     assert locus["SN1"].parameters["a"] == pytest.approx(1.0, abs=1e-9)
 
 
-def test_a_cycle_of_period_three_has_its_locus_of_folds():
+def test_a_orbit_of_period_three_has_its_locus_of_folds():
     """x -> 1 - a x^2 + b is the quadratic family: its folds of period three have a (1 + b) = 7/4."""
     quadratic = Map(("x",), {"a": 1.76, "b": 0.0}, {"x": "1 + b - a*x**2"})
     branch = branch_of(quadratic, "a", (1.5, 1.8), [0.0], period=3)
@@ -130,5 +130,5 @@ def test_what_cannot_be_used_is_named():
     with pytest.raises(InputError, match="a smooth map has no borders"):
         saltus.continue_locus(smooth, ("r", "s"), {"r": (-1.0, 1.0), "s": (-1.0, 1.0)}, type="BC")
     doubling = branch_of(logistic(), "r", (2.0, 3.5), [0.6])["PD1"]
-    with pytest.raises(InputError, match="use .equilibrium or .cycle"):
+    with pytest.raises(InputError, match="use .equilibrium or .map_orbit"):
         _ = doubling.orbit

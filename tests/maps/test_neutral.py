@@ -1,4 +1,4 @@
-"""Motions on cycles that neither attract nor repel end a search at once, with a word."""
+"""Motions on orbits that neither attract nor repel end a search at once, with a word."""
 
 import math
 
@@ -12,17 +12,17 @@ TURN = Map(("x", "y"), {"a": 0.5 * math.pi}, {"x": "x*cos(a) - y*sin(a)", "y": "
 
 
 @pytest.mark.parametrize("moved", [0.0, 1e-13, 1e-8, 1e-3])
-def test_the_gingerbread_map_stays_at_its_cycle_of_period_six(moved):
-    told = r"a cycle of period 6 that is neutral: solve_orbit\(..., period=6\)"
+def test_the_gingerbread_map_stays_at_its_orbit_of_period_six(moved):
+    told = r"an orbit of period 6 that is neutral: solve_orbit\(..., period=6\)"
     with pytest.raises(ConvergenceError, match=told) as found:
         find_orbit(GINGERBREAD, x0=[1.2 + moved, 1.1])
     assert found.value.iterations < 10_000
-    cycle = solve_orbit(GINGERBREAD, x0=[1.2 + moved, 1.1], period=6)
-    assert cycle.period == 6
-    assert abs(cycle.multipliers) == pytest.approx(1.0, abs=1e-6)
+    orbit = solve_orbit(GINGERBREAD, x0=[1.2 + moved, 1.1], period=6)
+    assert orbit.period == 6
+    assert abs(orbit.multipliers) == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("share", "period"), [(0.25, 4), (1.0 / 3.0, 3), (0.4, 5)])
-def test_a_rational_turn_is_told_as_a_neutral_cycle(share, period):
-    with pytest.raises(ConvergenceError, match=f"a cycle of period {period} that is neutral"):
+def test_a_rational_turn_is_told_as_a_neutral_orbit(share, period):
+    with pytest.raises(ConvergenceError, match=f"an orbit of period {period} that is neutral"):
         find_orbit(TURN, {"a": 2.0 * math.pi * share}, x0=[1.0, 0.3])

@@ -1,4 +1,4 @@
-"""Fixed points and cycles of maps as results: closed forms, long cycles, files, bad input."""
+"""Fixed points and orbits of maps as results: closed forms, long orbits, files, bad input."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_the_fixed_point_of_the_logistic_map_has_multiplier_two_minus_r(r):
     assert orbit.stable == (abs(2 - r) < 1)
 
 
-def test_the_cycle_of_period_two_of_the_logistic_map_is_that_of_the_textbook():
+def test_the_orbit_of_period_two_of_the_logistic_map_is_that_of_the_textbook():
     r = 3.4
     orbit = saltus.solve_orbit(logistic(), {"r": r}, x0=[0.45], period=2)
     root = math.sqrt((r - 3) * (r + 1))
@@ -31,7 +31,7 @@ def test_the_cycle_of_period_two_of_the_logistic_map_is_that_of_the_textbook():
     assert orbit.multipliers[0].real == pytest.approx(4 + 2 * r - r * r, abs=1e-12)
 
 
-def test_a_cycle_has_its_least_period():
+def test_a_orbit_has_its_least_period():
     assert saltus.solve_orbit(logistic(), {"r": 2.5}, x0=[0.6], period=6).period == 1
 
 
@@ -44,8 +44,8 @@ def test_fixed_points_of_the_henon_map_multiply_to_its_area():
         assert np.prod(orbit.multipliers).real == pytest.approx(-b, abs=1e-14)
 
 
-def test_a_long_unstable_cycle_of_the_full_logistic_map_has_multiplier_minus_two_to_its_period():
-    """At r = 4 each cycle but 0 has the multiplier +-2^k; one round by Newton's method would lose all digits."""
+def test_a_long_unstable_orbit_of_the_full_logistic_map_has_multiplier_minus_two_to_its_period():
+    """At r = 4 each orbit but 0 has the multiplier +-2^k; one round by Newton's method would lose all digits."""
     k, start = 64, 0x123456789ABCDEF5
     angles = [math.pi * (start * 2**i % (2**k - 1)) / (2**k - 1) for i in range(k)]
     points = [math.sin(angle) ** 2 for angle in angles]
@@ -68,7 +68,7 @@ def test_multipliers_beyond_all_numbers_are_infinite():
 
 
 @pytest.mark.parametrize(("r", "period"), [(2.9, 1), (3.2, 2), (3.5, 4), (3.55, 8), (3.83, 3), (3.0001, 2)])
-def test_a_motion_settles_on_the_cycle_of_known_period(r, period):
+def test_a_motion_settles_on_the_orbit_of_known_period(r, period):
     orbit = saltus.find_orbit(logistic(), {"r": r}, [0.1])
     assert (orbit.period, orbit.stable, orbit.regular) == (period, True, True)
     again = saltus.iterate(logistic(), {"r": r}, orbit.x0, n=period).states[-1]
@@ -76,7 +76,7 @@ def test_a_motion_settles_on_the_cycle_of_known_period(r, period):
 
 
 @pytest.mark.campaign
-def test_cycles_of_a_map_are_the_orbits_of_the_same_map_with_a_clock():
+def test_orbits_of_a_map_are_the_orbits_of_the_same_map_with_a_clock():
     clocked = HybridSystem(
         ("x", "y", "s"), {"a": 1.4, "b": 0.3}, {"carry": Mode({"x": "0", "y": "0", "s": "1"})},
         [Transition("carry", "carry", "s - 1", 1, {"x": "1 - a*x**2 + y", "y": "b*x", "s": "0"}, name="map")],
@@ -90,7 +90,7 @@ def test_cycles_of_a_map_are_the_orbits_of_the_same_map_with_a_clock():
 
 
 @pytest.mark.parametrize(("a", "b"), [(0.5, -0.6), (2.0, -0.25), (0.3, -3.0)])
-def test_the_cycle_left_right_of_the_skew_tent_map_is_in_closed_form(a, b):
+def test_the_orbit_left_right_of_the_skew_tent_map_is_in_closed_form(a, b):
     """di Bernardo et al. 2008, section 3.1: x_L = mu (1 + b)/(1 - a b), x_R = mu (1 + a)/(1 - a b)."""
     mu = 0.2
     orbit = saltus.solve_orbit(tent(), {"a": a, "b": b, "mu": mu}, segments=("left", "right"))
@@ -100,7 +100,7 @@ def test_the_cycle_left_right_of_the_skew_tent_map_is_in_closed_form(a, b):
     assert orbit.regular or "point 0 lies beyond the border of left" in orbit.reasons[0]
 
 
-def test_without_an_itinerary_the_cycle_found_is_regular():
+def test_without_an_itinerary_the_orbit_found_is_regular():
     orbit = saltus.solve_orbit(tent(), {"mu": 0.2}, x0=[-0.1])
     assert orbit.regular
     assert orbit.itinerary == ("right",)
@@ -115,10 +115,10 @@ def test_units_do_not_matter(unit):
     assert saltus.find_orbit(scaled, {"u": unit}, [0.5 * unit]).period == 2
 
 
-def test_a_cycle_is_saved_and_loaded(tmp_path):
+def test_a_orbit_is_saved_and_loaded(tmp_path):
     orbit = saltus.solve_orbit(tent(), {"mu": 0.2, "b": -2.0}, segments=("left", "right"))
-    assert saltus.load(orbit.save(tmp_path / "cycle.nc")) == orbit
-    assert "Cycle of period 2 of skew tent map" in repr(orbit)
+    assert saltus.load(orbit.save(tmp_path / "orbit.nc")) == orbit
+    assert "Orbit of period 2 of skew tent map" in repr(orbit)
     assert orbit.output("2*x") == pytest.approx(2 * orbit.points[:, 0])
 
 

@@ -1,4 +1,4 @@
-"""Normal forms, doubled cycles, other branches and cascades of maps."""
+"""Normal forms, doubled orbits, other branches and cascades of maps."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def test_the_flip_of_the_ricker_map_is_that_of_kuznetsov():
     assert point.normal_form.coefficient == pytest.approx(1 / 6, rel=1e-8)
 
 
-def test_the_fold_of_the_cycle_of_period_three_has_half_the_second_derivative_of_the_third_iterate():
+def test_the_fold_of_the_orbit_of_period_three_has_half_the_second_derivative_of_the_third_iterate():
     point = branch_of(logistic(), "r", (3.0, 4.0), [0.15], {"r": 3.84}, period=3)["SN1"]
-    r, x = point.parameters["r"], float(point.cycle.x0[0])
+    r, x = point.parameters["r"], float(point.map_orbit.x0[0])
 
     def third(y):
         for _ in range(3):
@@ -60,7 +60,7 @@ def test_invariant_circles_of_the_delayed_logistic_map_have_the_radius_of_its_no
     assert np.ptp(states[:, 1]) / 2 == pytest.approx(amplitude, rel=0.03)
 
 
-def test_a_doubled_cycle_lies_beside_its_doubling_on_the_stable_side():
+def test_a_doubled_orbit_lies_beside_its_doubling_on_the_stable_side():
     doubled = saltus.switch_branch(branch_of(logistic(), "r", (2.5, 3.5), [0.6], {"r": 2.8})["PD1"])
     r = doubled.parameters["r"]
     root = math.sqrt((r - 3) * (r + 1))
@@ -69,8 +69,8 @@ def test_a_doubled_cycle_lies_beside_its_doubling_on_the_stable_side():
     assert sorted(doubled.points[:, 0]) == pytest.approx([(r + 1 - root) / (2 * r), (r + 1 + root) / (2 * r)])
 
 
-def test_the_henon_map_doubles_as_the_cycle_of_period_two_in_closed_form():
-    """det - tr of the cycle of period two: it exists from a = 3 (1 - b)^2/4 on, where 4 a = 3 (1 - b)^2."""
+def test_the_henon_map_doubles_as_the_orbit_of_period_two_in_closed_form():
+    """det - tr of the orbit of period two: it exists from a = 3 (1 - b)^2/4 on, where 4 a = 3 (1 - b)^2."""
     doubled = saltus.switch_branch(branch_of(henon(), "a", (0.0, 1.0), [0.7, 0.2], {"a": 0.1})["PD1"])
     a, b = doubled.parameters["a"], 0.3
     assert a > 3 * (1 - b) ** 2 / 4
@@ -92,7 +92,7 @@ def test_the_cascade_of_the_logistic_map_has_feigenbaums_limits(tmp_path):
     assert cascade.values[:5] == pytest.approx(known, abs=1e-10)
     assert cascade.ratios[-1] == pytest.approx(4.669201609, rel=5e-5)
     assert cascade.limit == pytest.approx(3.569945671870945, abs=1e-8)
-    assert [point.cycle.period for point in cascade.points] == [2**k for k in range(7)]
+    assert [point.map_orbit.period for point in cascade.points] == [2**k for k in range(7)]
     assert saltus.load(cascade.save(tmp_path / "cascade.nc")) == cascade
     assert "period 16" in repr(cascade)
 

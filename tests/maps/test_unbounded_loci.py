@@ -1,4 +1,4 @@
-"""Loci of cycles that run to infinity, and test functions that vanish along whole curves, against closed forms."""
+"""Loci of orbits that run to infinity, and test functions that vanish along whole curves, against closed forms."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_the_same_locus_passes_its_fold_flip_where_the_points_stay_bounded(bound
 
 
 @pytest.mark.parametrize("form", ["area", "bounded"])
-def test_the_cycle_of_period_two_doubles_on_its_closed_form(bounded, form):
+def test_the_orbit_of_period_two_doubles_on_its_closed_form(bounded, form):
     system = henon() if form == "area" else bounded
     branch = branch_of(system, "a", (0.36, 2.0), [1.0, -0.1], {"a": 0.6, "b": 0.3}, period=2)
     locus = saltus.continue_locus(branch["PD1"], ("a", "b"), BOUNDS)

@@ -24,7 +24,7 @@ _ROUNDED = 1e-14  # size of a state, over its typical size, up to which it may b
 _SINGULAR = 1e-6  # least singular value of the Jacobian, rows of size 1, up to which it is called singular
 _SHORTEST = 1e-6  # least share of a Newton step that is tried
 _NEARBY = 1.1  # factor on the state nearby at which sizes of terms are taken too
-_FUNCTION = {"equilibrium": "field", "cycle": "map"}  # what vanishes, or closes, at a solution
+_FUNCTION = {"equilibrium": "field", "orbit": "map"}  # what vanishes, or closes, at a solution
 _BALANCINGS = 3  # rounds through the states at rest in 0, in which their sizes are balanced
 _SMALL = 1e-8  # size of a state, over the largest, below which its steps are not judged by it alone
 

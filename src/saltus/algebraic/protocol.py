@@ -1,4 +1,4 @@
-"""What equilibria and cycles of maps have in common: the zeros of functions, with their derivatives."""
+"""What equilibria and orbits of maps have in common: the zeros of functions, with their derivatives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class AlgebraicProblem(Protocol):
     n : int
         Number of equations.
     period : int
-        Number of points whose states are the unknowns x, one after the other; 1 but for cycles of maps.
+        Number of points whose states are the unknowns x, one after the other; 1 but for orbits of maps.
     p : ndarray, shape (parameters,)
         All parameters.
     active : sequence of int

@@ -158,7 +158,7 @@ def animate(
 
 @app.command(no_args_is_help=True)
 def plot(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A saved result: a branch, a cycle, basins, ...")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A saved result: a branch, an orbit, basins, ...")],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", metavar="FILE", help="The picture, as .png or .svg; that of the file if left out."),

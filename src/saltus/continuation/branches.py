@@ -12,7 +12,7 @@ from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.runs.equilibrium import EquilibriumRun
-from saltus.continuation.runs.map import CycleRun
+from saltus.continuation.runs.map import MapRun
 from saltus.continuation.runs.one_parameter import branch_run
 from saltus.continuation.runs.options import asked_types, read_stops, unit_of
 from saltus.continuation.runs.quantity import QuantityRun
@@ -24,7 +24,7 @@ from saltus.progress import Report, Reporter
 
 __all__ = ["continue_branch", "continue_equilibrium", "continue_orbit"]
 
-_KINDS = (QuantityRun, EquilibriumRun, CycleRun)  # each is registered with `branch_run` where it is defined
+_KINDS = (QuantityRun, EquilibriumRun, MapRun)  # each is registered with `branch_run` where it is defined
 
 
 @overload
@@ -62,7 +62,7 @@ def continue_orbit(
     stop_at: str | Iterable[str] = (),
     progress: bool | Report = False,
 ) -> Branch | MapBranch:
-    """Return the branch of periodic orbits, or of cycles of a map, through an orbit, as one parameter varies.
+    """Return the branch of periodic orbits, or of orbits of a map, through an orbit, as one parameter varies.
 
     Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are
     located by Newton's method. At a grazing the branch goes on in the neighbouring signature, or ends where there
@@ -70,8 +70,8 @@ def continue_orbit(
     `stop_at` change this. A branch of doubled period ends where the period halves. A branch of autonomous cycles
     ends at the Hopf point (HB), or the boundary equilibrium (BE), to which the cycle shrinks. Where its period
     grows without bound it ends at the homoclinic orbit (HOM). Points with a residual above 1e-8 of the orbit's size
-    are rejected. Cycles of a map have border collisions (BC) in place of grazings. docs/theory/continuation.md
-    derives the method, docs/theory/cycles.md that of maps.
+    are rejected. Orbits of a map have border collisions (BC) in place of grazings. docs/theory/continuation.md
+    derives the method, docs/theory/map_orbits.md that of maps.
 
     Parameters
     ----------

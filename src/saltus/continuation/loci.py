@@ -13,7 +13,7 @@ from saltus.continuation.results.locus import Locus
 from saltus.continuation.results.map_locus import MapLocus
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.equilibrium_locus import EquilibriumLocusRun
-from saltus.continuation.runs.map_locus import CycleLocusRun
+from saltus.continuation.runs.map_locus import MapLocusRun
 from saltus.continuation.runs.options import read_plane, read_steps, read_stops
 from saltus.continuation.runs.orbit_locus import OrbitLocusRun
 from saltus.continuation.runs.run import Asked
@@ -26,7 +26,7 @@ from saltus.progress import Report, Reporter
 
 __all__ = ["continue_locus"]
 
-_KINDS = (OrbitLocusRun, EquilibriumLocusRun, CycleLocusRun)  # each is registered with `locus_run` where it is defined
+_KINDS = (OrbitLocusRun, EquilibriumLocusRun, MapLocusRun)  # each is registered with `locus_run` where it is defined
 
 
 @overload
@@ -80,8 +80,8 @@ def continue_locus(
 
     Every point is a corrected critical orbit. A multiplier is 1 (SN), -1 (PD) or on the unit circle (TR), a contact is
     tangential (GR), or branches meet (BP). An equilibrium has an eigenvalue 0 (SN), an imaginary pair (HB), or lies on
-    a boundary of its mode (BE). A cycle of a map has a point on a border (BC) in place of a contact. Points of
-    codimension two are located. docs/theory/loci.md, docs/theory/equilibria.md and docs/theory/cycles.md derive the
+    a boundary of its mode (BE). An orbit of a map has a point on a border (BC) in place of a contact. Points of
+    codimension two are located. docs/theory/loci.md, docs/theory/equilibria.md and docs/theory/map_orbits.md derive the
     equations.
 
     Parameters

@@ -17,7 +17,7 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.births import cycle_born, equilibrium_of_cycle, other_equilibria
-from saltus.continuation.runs.map_switching import other_cycles
+from saltus.continuation.runs.map_switching import other_orbits
 from saltus.continuation.runs.options import check_along_parameter
 from saltus.continuation.runs.sizes import other_than, upwards
 from saltus.equilibria import Equilibrium
@@ -65,7 +65,7 @@ def switch_branch(point: SpecialPoint[Any], which: int = 0, *, to: type[Solution
     ----------
     point : SpecialPoint
         Of orbits: a PD, BP, GR or HB of a branch, or a PD or GR of a locus. Of equilibria: an HB or BP of a branch. Of
-        cycles of a map: a PD or BP of a branch, or a PD of a locus.
+        orbits of a map: a PD or BP of a branch, or a PD of a locus.
     which : int
         Which of the other branches, from 0 on. There are several where several directions cross at once, as by
         symmetry: at a BP of equilibria, and at a BP or PD of a map. Of periodic orbits one is given then.
@@ -145,7 +145,7 @@ def other_solutions(solution: Solution, point: SpecialPoint[Any]) -> list[Any]:
 
 @other_solutions.register
 def _(solution: MapOrbit, point: SpecialPoint[Any]) -> list[Any]:
-    return list(other_cycles(point))
+    return list(other_orbits(point))
 
 
 @other_solutions.register

@@ -186,7 +186,7 @@ class _Followed(_FromPlace):
 
 
 class Continue(_Followed):
-    """Follow the branch through an orbit, an equilibrium or a cycle of a map."""
+    """Follow the branch through an orbit, an equilibrium or an orbit of a map."""
 
     kind: Literal["continue"] = "continue"
 

@@ -6,6 +6,6 @@ let_numba_cache()
 
 from saltus.maps.iterates import Iterates, iterate  # noqa: E402
 from saltus.maps.orbit import MapOrbit  # noqa: E402
-from saltus.maps.problem import CycleProblem  # noqa: E402
+from saltus.maps.problem import MapOrbitProblem  # noqa: E402
 
-__all__ = ["CycleProblem", "Iterates", "MapOrbit", "iterate"]
+__all__ = ["Iterates", "MapOrbit", "MapOrbitProblem", "iterate"]

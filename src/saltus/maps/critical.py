@@ -1,7 +1,7 @@
-"""The condition that makes a cycle critical by a pair of multipliers on the unit circle.
+"""The condition that makes an orbit critical by a pair of multipliers on the unit circle.
 
 Others are in `saltus.algebraic.conditions`.
-docs/theory/cycles.md, "Loci", derives it.
+docs/theory/map_orbits.md, "Loci", derives it.
 
 References
 ----------
@@ -17,23 +17,23 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.maps.problem import CycleProblem
+    from saltus.maps.problem import MapOrbitProblem
 
 __all__ = ["Rotation"]
 
 
 class Rotation:
-    """The matrix M^2 - 2 c M + I has a null space of dimension two, M the derivative along the cycle.
+    """The matrix M^2 - 2 c M + I has a null space of dimension two, M the derivative along the orbit.
 
     The further unknowns are vectors v of all points' null space, their successors w = M v, and c. For abs(c) < 1 it is
     the cosine of the angle of a pair on the unit circle. The equations stay regular at c = 1 and c = -1.
 
     Parameters
     ----------
-    problem : CycleProblem
+    problem : MapOrbitProblem
         The equations, two parameters active.
     u : ndarray, shape (n + 2,)
-        A cycle near the condition.
+        An orbit near the condition.
     sizes : ndarray, shape (n,)
         Typical sizes of the points.
     cosine : float
@@ -41,7 +41,7 @@ class Rotation:
     """
 
     def __init__(
-        self, problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64], cosine: float
+        self, problem: MapOrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64], cosine: float
     ) -> None:
         self.problem, self.sizes, self.n = problem, sizes.copy(), problem.n
         self.extra, self.rows = 2 * self.n + 1, 2 * self.n + 2

@@ -1,11 +1,11 @@
-"""Normal forms of a map at its critical cycles: saddle-nodes, period doublings, Neimark-Sacker points.
+"""Normal forms of a map at its critical orbits: saddle-nodes, period doublings, Neimark-Sacker points.
 
-docs/theory/cycles.md, "Normal forms", lists the formulas.
+docs/theory/map_orbits.md, "Normal forms", lists the formulas.
 
 References
 ----------
 Kuznetsov, Elements of Applied Bifurcation Theory, Springer 2004, sections 4.5 to 4.7 and 5.4. Departs from it in the
-map: the equations of all points of a cycle take the place of the iterate.
+map: the equations of all points of an orbit take the place of the iterate.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.maps.orbit import MapOrbit
-    from saltus.maps.problem import CycleProblem
+    from saltus.maps.problem import MapOrbitProblem
 
 __all__ = ["flip_terms", "fold_terms", "map_normal_form", "null_vectors", "rotation_terms"]
 
-_FAR = 1e-3  # distance of a multiplier from the critical one above which a cycle is not critical
+_FAR = 1e-3  # distance of a multiplier from the critical one above which an orbit is not critical
 _NOISE = 1e-10  # size of a coefficient, over its terms, up to which it is rounding
 _WANTED = {"SN": "at 1", "PD": "at -1", "TR": "on the unit circle"}  # where the critical multiplier is
 
 
 def map_normal_form(orbit: MapOrbit, kind: str) -> tuple[float, float]:
-    """Return the coefficient of the normal form of a critical cycle, and the angle of its multipliers.
+    """Return the coefficient of the normal form of a critical orbit, and the angle of its multipliers.
 
     Parameters
     ----------
     orbit : MapOrbit
         A saddle-node, a period doubling or a Neimark-Sacker point, located.
     kind : {"SN", "PD", "TR"}
-        Type of the cycle.
+        Type of the orbit.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def map_normal_form(orbit: MapOrbit, kind: str) -> tuple[float, float]:
 
     if not values or distance(min(values, key=distance)) > _FAR:
         found = ", ".join(f"{v:.6g}" for v in orbit.multipliers.tolist())
-        raise InputError("point", found, f"a cycle with a multiplier {_WANTED[kind]}, as a located {kind} has")
+        raise InputError("point", found, f"an orbit with a multiplier {_WANTED[kind]}, as a located {kind} has")
     mu = complex(min(values, key=distance))
     problem, u = orbit.problem(), orbit.points.ravel().copy()
     A = problem.evaluate(u)[1]
@@ -71,11 +71,11 @@ def map_normal_form(orbit: MapOrbit, kind: str) -> tuple[float, float]:
 
 
 def null_vectors(
-    problem: CycleProblem, A: NDArray[np.float64], mu: complex
+    problem: MapOrbitProblem, A: NDArray[np.float64], mu: complex
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], complex]:
     """Return the right and left null vectors of A + (1 - mu) B, and the left times B times the right one.
 
-    Here B is `CycleProblem.closing`. The right vector is of unit length at the first point.
+    Here B is `MapOrbitProblem.closing`. The right vector is of unit length at the first point.
     """
     n = problem.n
     matrix = A[:, :n] + (1.0 - mu) * problem.closing
@@ -91,19 +91,21 @@ def _above_noise(value: float, *terms: float) -> float:
     return value if abs(value) > _NOISE * sum(abs(term) for term in terms) else 0.0
 
 
-def _along(problem: CycleProblem, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along(problem: MapOrbitProblem, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the second derivative of the equations along a direction of the points, shape (n, n)."""
     return problem.second(u, np.append(v, np.zeros(u.size - problem.n)))[:, : problem.n]
 
 
-def fold_terms(problem: CycleProblem, u: NDArray[np.float64], q: NDArray[np.float64], p: NDArray[np.float64]) -> float:
+def fold_terms(
+    problem: MapOrbitProblem, u: NDArray[np.float64], q: NDArray[np.float64], p: NDArray[np.float64]
+) -> float:
     """Return <p, F2(q, q)> / 2, which <p, B q> makes the coefficient a."""
     bend = _along(problem, u, q)
     return _above_noise(0.5 * float(p @ bend @ q), *(0.5 * p * (np.abs(bend) @ np.abs(q))))
 
 
 def flip_terms(
-    problem: CycleProblem,
+    problem: MapOrbitProblem,
     u: NDArray[np.float64],
     A: NDArray[np.float64],
     q: NDArray[np.float64],
@@ -117,7 +119,7 @@ def flip_terms(
 
 
 def rotation_terms(
-    problem: CycleProblem,
+    problem: MapOrbitProblem,
     u: NDArray[np.float64],
     A: NDArray[np.float64],
     mu: complex,

@@ -1,4 +1,4 @@
-"""A cycle of a map as a result: points, itinerary, multipliers, stability, whether it is regular."""
+"""An orbit of a map as a result: points, itinerary, multipliers, stability, whether it is regular."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from saltus import checks
 from saltus.algebraic.solution import AlgebraicSolution, Packed
 from saltus.contents import Contents
 from saltus.errors import InputError
-from saltus.maps.problem import CycleProblem
+from saltus.maps.problem import MapOrbitProblem
 from saltus.maps.spectrum import NEUTRAL, count_outside, multiplicity, multipliers_of
 from saltus.result import frozen
 from saltus.system.angles import TURN
@@ -33,7 +33,7 @@ _SHOWN = 4  # points that a `repr` lists
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MapOrbit(AlgebraicSolution):
-    """A fixed point or a cycle of a map; made by `solve_orbit` and `find_orbit`.
+    """A fixed point or an orbit of a map; made by `solve_orbit` and `find_orbit`.
 
     Attributes
     ----------
@@ -46,11 +46,11 @@ class MapOrbit(AlgebraicSolution):
     itinerary : tuple of str
         The piece whose image is taken at each point.
     multipliers : ndarray of complex, shape (states,)
-        Eigenvalues of the derivative along the cycle, the largest modulus first.
+        Eigenvalues of the derivative along the orbit, the largest modulus first.
     residual : float
         Largest distance of an image from the next point, over the sizes of its terms.
     reasons : tuple of str
-        Why the cycle is virtual: points that lie beyond a border of their pieces. Empty for a regular one.
+        Why the orbit is virtual: points that lie beyond a border of their pieces. Empty for a regular one.
     """
 
     system: Map
@@ -61,7 +61,7 @@ class MapOrbit(AlgebraicSolution):
     residual: float
     reasons: tuple[str, ...] = ()
 
-    noun = "a cycle"
+    noun = "an orbit"
     packed = (
         Packed("x", ("iteration", "state")),
         Packed("multiplier", ("multiplier",), complex),
@@ -74,7 +74,7 @@ class MapOrbit(AlgebraicSolution):
 
     @property
     def period(self) -> int:
-        """Number of points, after which the cycle closes for the first time."""
+        """Number of points, after which the orbit closes for the first time."""
         return len(self.points)
 
     @property
@@ -91,7 +91,7 @@ class MapOrbit(AlgebraicSolution):
         return np.arange(float(self.period)), self.points
 
     def row(self) -> dict[str, Any]:
-        """Return what a table says of the cycle: first point, period, stability, itinerary, whether it is regular."""
+        """Return what a table says of the orbit: first point, period, stability, itinerary, whether it is regular."""
         row: dict[str, Any] = dict(zip(self.system.states, self.x0.tolist(), strict=True))
         row |= {"period": self.period, "stable": self.stable, "itinerary": self.itinerary}
         return row | {"regular": self.regular}
@@ -134,7 +134,7 @@ class MapOrbit(AlgebraicSolution):
 
     @property
     def winding(self) -> Mapping[str, int]:
-        """How many turns each of the system's angles makes along the cycle; over `period` its rotation number."""
+        """How many turns each of the system's angles makes along the orbit; over `period` its rotation number."""
         problem = self.problem()
         gaps = (problem.slopes(self.points.ravel())[0] - np.roll(self.points, -1, axis=0))[
             :, problem.system.angle_places
@@ -148,12 +148,12 @@ class MapOrbit(AlgebraicSolution):
         return self.points.ravel()
 
     @classmethod
-    def from_unknowns(cls, problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> Self:
-        """Return the cycle with given unknowns.
+    def from_unknowns(cls, problem: MapOrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> Self:
+        """Return the orbit with given unknowns.
 
         Parameters
         ----------
-        problem : CycleProblem
+        problem : MapOrbitProblem
             The equations.
         u : ndarray, shape (n + active,)
             The unknowns.
@@ -181,7 +181,7 @@ class MapOrbit(AlgebraicSolution):
             reasons=tuple(faults_of(problem, u, sizes)),
         )
 
-    def problem(self, *active: str) -> CycleProblem:
+    def problem(self, *active: str) -> MapOrbitProblem:
         """Return the equations, with some parameters among the unknowns.
 
         Parameters
@@ -191,7 +191,7 @@ class MapOrbit(AlgebraicSolution):
 
         Returns
         -------
-        CycleProblem
+        MapOrbitProblem
             Its parameters have unit 1.
 
         Raises
@@ -202,7 +202,7 @@ class MapOrbit(AlgebraicSolution):
         names = self.system.parameter_names
         indices = [names.index(checks.chosen("parameter", name, names)) for name in active]
         p, pieces = self.system.parameter_vector(self.parameters), itinerary_of(self.system, self.itinerary)
-        return CycleProblem(self.system, pieces, p, indices, np.ones(len(indices)))
+        return MapOrbitProblem(self.system, pieces, p, indices, np.ones(len(indices)))
 
     def output(self, expression: str) -> NDArray[np.float64]:
         """Return an output, or any expression, at each point.
@@ -226,7 +226,7 @@ class MapOrbit(AlgebraicSolution):
         return evaluate(self.system, expression, self.points, np.array(pieces), self.parameters)
 
     def to_xarray(self) -> xr.Dataset:
-        """Return the cycle as a Dataset: points against ``iteration`` and ``state``."""
+        """Return the orbit as a Dataset: points against ``iteration`` and ``state``."""
         import xarray as xr
 
         data = {
@@ -266,7 +266,7 @@ class MapOrbit(AlgebraicSolution):
         )
 
     def __repr__(self) -> str:
-        what = "Fixed point" if self.period == 1 else f"Cycle of period {self.period}"
+        what = "Fixed point" if self.period == 1 else f"Orbit of period {self.period}"
         regular = "regular" if self.regular else f"virtual: {'; '.join(self.reasons)}"
         stable = "stable" if self.stable else "unstable"
         lines = [f"{what} of {self.system.name or 'a map'}: {stable}, {regular}"]
@@ -298,8 +298,8 @@ def itinerary_of(system: Map, names: object, argument: str = "itinerary") -> tup
     return tuple(system.piece_names.index(checks.chosen(argument, name, system.piece_names)) for name in listed)
 
 
-def faults_of(problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> list[str]:
-    """Return why a cycle is virtual: points beyond a border of their pieces, farther than rounding."""
+def faults_of(problem: MapOrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> list[str]:
+    """Return why an orbit is virtual: points beyond a border of their pieces, farther than rounding."""
     system, reasons = problem.system, []
     texts = [text for conditions in system.conditions.values() for text in conditions]
     for point, guard, height in problem.heights(u):

@@ -1,6 +1,6 @@
-"""Cycles of a map as the zeros of the equations of their points, with derivatives up to the third.
+"""Orbits of a map as the zeros of the equations of their points, with derivatives up to the third.
 
-docs/theory/cycles.md, "Equations", says why all points are unknowns.
+docs/theory/map_orbits.md, "Equations", says why all points are unknowns.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
     from saltus.system.maps import Map
 
-__all__ = ["CycleProblem"]
+__all__ = ["MapOrbitProblem"]
 
 
 @dataclass
-class CycleProblem:
-    """The equations f(x[i], p) = x[i + 1] of a cycle, each image that of the piece which the itinerary names.
+class MapOrbitProblem:
+    """The equations f(x[i], p) = x[i + 1] of an orbit, each image that of the piece which the itinerary names.
 
-    The unknowns are all points, one after the other, then the active parameters. So long cycles with large multipliers
+    The unknowns are all points, one after the other, then the active parameters. So long orbits with large multipliers
     are as well conditioned as short ones.
 
     Parameters
@@ -78,9 +78,9 @@ class CycleProblem:
         B[self.n - self.states :, : self.states] = np.eye(self.states)
         return B
 
-    def along(self, itinerary: tuple[int, ...]) -> CycleProblem:
+    def along(self, itinerary: tuple[int, ...]) -> MapOrbitProblem:
         """Return the same equations for another itinerary."""
-        return CycleProblem(self.system, itinerary, self.p, self.active, self.scales)
+        return MapOrbitProblem(self.system, itinerary, self.p, self.active, self.scales)
 
     def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points among the unknowns, shape (period, states)."""

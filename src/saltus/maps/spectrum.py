@@ -1,4 +1,4 @@
-"""Multipliers of a cycle: order, stability, test functions. docs/theory/cycles.md, "Test functions"."""
+"""Multipliers of an orbit: order, stability, test functions. docs/theory/map_orbits.md, "Test functions"."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from saltus.errors import ConvergenceError, DefinitionError, InputError, SaltusE
 from saltus.flow.landings import warn_of
 from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_way
 from saltus.maps import MapOrbit
-from saltus.maps.solve import find_cycle
+from saltus.maps.solve import find_map_orbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.pieces import in_pieces
 from saltus.orbits.rounds import divided, rounds_of
@@ -160,13 +160,13 @@ def _found(
 
 
 @_found.register(Map)
-def _found_cycle(
+def _found_map_orbit(
     system: Map, parameters: Mapping[str, float] | None, x0: ArrayLike, mode: object, settle: float | None,
     tolerance: float,
 ) -> MapOrbit:  # fmt: skip
     if mode is not None or tolerance != 1e-12:
         raise InputError("mode, tolerance", "given", "left out for a map", "the state decides on the piece")
-    return find_cycle(system, parameters, x0, settle)
+    return find_map_orbit(system, parameters, x0, settle)
 
 
 def _search_forced(

@@ -13,7 +13,7 @@ from saltus import checks
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.sticking import check_continuous
 from saltus.maps import MapOrbit
-from saltus.maps.solve import solve_cycle
+from saltus.maps.solve import solve_map_orbit
 from saltus.orbits.cuts import check_measured, cut, held, piece_maps, stretched
 from saltus.orbits.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
@@ -79,10 +79,10 @@ def solve_orbit(
     free: str | None = None,
     tolerance: float = 1e-12,
 ) -> PeriodicOrbit | MapOrbit:
-    """Return the periodic orbit of a system, or the cycle of a map, near a guess, stable or not.
+    """Return the periodic orbit of a system, or the orbit of a map, near a guess, stable or not.
 
     The guess is either `segments`, or `x0` and `period` of an orbit of a system with one mode and no transitions.
-    That of a map is `x0` and `period`, or the cycle's itinerary, or both.
+    That of a map is `x0` and `period`, or the orbit's itinerary, or both.
 
     Parameters
     ----------
@@ -94,10 +94,10 @@ def solve_orbit(
         The guess, in order: where each segment runs, the transition that ends it, its initial state and its duration.
         With a phase, `x0` may leave it out: the first segment then starts at phase 0, and a last segment whose
         transition is the phase's name ends at phase 0 again. A segment that closes without any event has the phase's
-        name, or None, as its transition. Of a map in pieces: the cycle's itinerary, the name of the piece at each
-        point. By default the pieces at the guess, then those at the cycle found.
+        name, or None, as its transition. Of a map in pieces: the orbit's itinerary, the name of the piece at each
+        point. By default the pieces at the guess, then those at the orbit found.
     x0 : array_like, optional
-        Initial state of a smooth orbit. With a phase, it may leave the phase out. Of a map: a point of the cycle, or
+        Initial state of a smooth orbit. With a phase, it may leave the phase out. Of a map: a point of the orbit, or
         all of them, shape (period, states). By default the origin, where an itinerary is given.
     period : float, optional
         Period of a smooth orbit, about. With a phase, one forcing period by default. Of a map: how many points are
@@ -114,7 +114,7 @@ def solve_orbit(
     Returns
     -------
     PeriodicOrbit or MapOrbit
-        Its `fixed` remembers what was fixed and freed. A cycle of a map has its least period: it may be a divisor of
+        Its `fixed` remembers what was fixed and freed. An orbit of a map has its least period: it may be a divisor of
         `period`.
 
     Raises
@@ -126,7 +126,7 @@ def solve_orbit(
         Newton's method finds no orbit near the guess; no orbit has the value of the fixed quantity; the quantity tells
         no orbits apart.
     MapDivergenceError
-        The guess of a map's cycle leaves every bound.
+        The guess of a map orbit leaves every bound.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def solve_orbit(
     >>> print(f"{swing.max['x']:.9f}")
     2.439906972
 
-    A cycle of a map:
+    An orbit of a map:
 
     >>> from saltus import Map
     >>> logistic = Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"}, name="logistic map")
@@ -185,14 +185,14 @@ def _solved(
 
 
 @_solved.register(Map)
-def _solved_cycle(
+def _solved_map_orbit(
     system: Map, parameters: Mapping[str, float] | None, segments: Sequence[str] | None, x0: ArrayLike | None,
     period: int | None, fix: object, free: object, tolerance: float,
 ) -> MapOrbit:  # fmt: skip
     if fix is not None or free is not None or tolerance != 1e-12:
         wanted = "left out for a map"
         raise InputError("fix, free, tolerance", "given", wanted, "x0, period and an itinerary are its guess")
-    return solve_cycle(system, parameters, segments, x0, period)
+    return solve_map_orbit(system, parameters, segments, x0, period)
 
 
 def check_tol(tol: object) -> float:

@@ -29,8 +29,8 @@ _HOMES = {
     "saltus.continuation.results.equilibrium_branch.EquilibriumBranch": "saltus.plotting.branch",
     "saltus.continuation.results.equilibrium_locus.EquilibriumLocus": "saltus.plotting.locus",
     "saltus.continuation.results.map_locus.MapLocus": "saltus.plotting.locus",
-    "saltus.maps.orbit.MapOrbit": "saltus.plotting.cycle",
-    "saltus.continuation.results.map_curve.MapBranch": "saltus.plotting.cycle",
+    "saltus.maps.orbit.MapOrbit": "saltus.plotting.map_orbit",
+    "saltus.continuation.results.map_curve.MapBranch": "saltus.plotting.map_orbit",
     "saltus.continuation.results.map_cascade.MapCascade": "saltus.plotting.cascade",
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
@@ -58,7 +58,7 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
     ----------
     result : Result
         A result of one of the kinds that docs/theory/plotting.md lists. Functions `plot_...` in
-        `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`, `.equilibrium`, `.cycle`, `.diagram`,
+        `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`, `.equilibrium`, `.map_orbit`, `.diagram`,
         `.trajectory`, `.iterates`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.

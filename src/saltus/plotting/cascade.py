@@ -18,7 +18,7 @@ from saltus.flow import simulate
 from saltus.maps import MapOrbit
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_pieces, pieces_of
-from saltus.plotting.cycle import at_each_point, turned_cycle
+from saltus.plotting.map_orbit import at_each_point, turned_orbit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -111,7 +111,7 @@ def _turned(solution: Any) -> list[Any]:
 
 @_turned.register(MapOrbit)
 def _(solution: MapOrbit) -> list[MapOrbit]:
-    return [turned_cycle(solution, k) for k in range(solution.period)]
+    return [turned_orbit(solution, k) for k in range(solution.period)]
 
 
 @singledispatch

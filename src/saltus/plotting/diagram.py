@@ -1,4 +1,4 @@
-"""Picture of a whole diagram: equilibria and extremes of cycles, or all points of a map's cycles."""
+"""Picture of a whole diagram: equilibria and extremes of cycles, or all points of map orbits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from saltus.continuation.results.diagram import Diagram, DiagramBranch
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_special, pieces_of
-from saltus.plotting.cycle import at_each_point, leave_out_the_unbounded
+from saltus.plotting.map_orbit import at_each_point, leave_out_the_unbounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_diagram"]
 
-_CYCLES = "#0f5fa8"  # colour of cycles
+_CYCLES = "#0f5fa8"  # colour of cycles and of map orbits
+_MOVING = {"orbits": "cycles", "map orbits": "orbits"}  # what the legend calls them; autonomous orbits are cycles
 
 
 @plot.register(Diagram)
@@ -29,7 +30,7 @@ def plot_diagram(
     """Draw all branches of a diagram and return the matplotlib Axes.
 
     Equilibria are black, cycles blue with two lines: the least and the greatest value over the period. Of a map, fixed
-    points are black, and cycles blue with a line for each point. Stable solutions are solid, unstable ones dashed. What
+    points are black, and orbits blue with a line for each point. Stable solutions are solid, unstable ones dashed. What
     is no motion of the system is dotted in grey.
 
     Parameters
@@ -57,7 +58,7 @@ def plot_diagram(
     for i, point in diagram.numbered():
         once[i].append(point)
     for i, branch in enumerate(diagram):
-        what = branch.called if branch.at_rest else "cycles"
+        what = branch.called if branch.at_rest else _MOVING[branch.counted]
         for shown, quantity, points in _curves(branch, y, once[i]):
             for piece in pieces_of(shown, diagram.parameter, quantity):
                 options: dict[str, Any] = dict(style.LINES[piece.kind])

@@ -30,7 +30,7 @@ def plot_locus(
     special: bool = True,
     legend: bool = True,
 ) -> Axes:
-    """Draw a locus of orbits, of equilibria or of cycles of a map and return the matplotlib Axes.
+    """Draw a locus of orbits, of equilibria or of orbits of a map and return the matplotlib Axes.
 
     The curve has the colour of its type's special points. It is solid where all multipliers or eigenvalues but the
     critical ones are stable, else dashed. It is dotted in grey where the solutions are no motion of the system. A GR

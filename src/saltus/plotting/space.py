@@ -47,7 +47,7 @@ class Stretch:
     Attributes
     ----------
     kind : str
-        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria, cycles of maps). On a locus
+        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria, orbits of maps). On a locus
         critical multipliers or eigenvalues do not count.
     places : ndarray, shape (quantity, vertex)
         Vertices of the curve.
@@ -63,7 +63,7 @@ def stretches_of(curve: Any, names: Sequence[str]) -> list[Stretch]:
 
     Parameters
     ----------
-    curve : Branch or Locus, or that of equilibria or of cycles of a map
+    curve : Branch or Locus, or that of equilibria or of orbits of a map
         The curve.
     names : sequence of str
         Two quantities or more that its `column` knows, or parameters that are constant along the curve.

@@ -88,7 +88,7 @@ class MapReturns:
         return 1.0
 
     def growth(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, returns: int, time: float) -> Growth:
-        """Return the growth of perturbations over some iterations; over whole rounds where the motion is on a cycle."""
+        """Return the growth of perturbations over some iterations; over whole rounds of a periodic motion."""
         states, _ = self._path(p, x, 0, returns // 2 + 1)
         places = self.system.angle_places
         apart = np.abs(wrapped(states[1:] - states[0], places)).max(axis=1)

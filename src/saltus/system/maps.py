@@ -82,7 +82,7 @@ class Map(CompiledDefinition):
     let : mapping of str to expression, optional
         Names of sub-expressions, as in `HybridSystem`.
     angles : iterable of str, optional
-        States on a circle, in radians: images must be the same a turn on, but for whole turns, and cycles close
+        States on a circle, in radians: images must be the same a turn on, but for whole turns, and orbits close
         modulo 2 pi.
     name : str, optional
         What the map is called in its `repr` and in files.

@@ -1,4 +1,4 @@
-"""Checks of equilibria and of cycles of maps: residuals, eigenvalues and critical conditions, by SymPy's Jacobians."""
+"""Checks of equilibria and of orbits of maps: residuals, eigenvalues and critical conditions, by SymPy's Jacobians."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from saltus.equilibria import Equilibrium
     from saltus.maps.orbit import MapOrbit
 
-__all__ = ["CycleCheck", "EquilibriumCheck", "sizes_of"]
+__all__ = ["EquilibriumCheck", "MapOrbitCheck", "sizes_of"]
 
 _STATE = 1e-8  # allowed distance of a solution from the one that Newton's method finds, over the states' sizes
 _STEPS = 6  # steps of Newton's method
@@ -111,15 +111,15 @@ class EquilibriumCheck:
         return [unchecked(f"type {kind}", kind, "no independent condition")]
 
 
-class CycleCheck:
-    """The checks of a cycle of a map.
+class MapOrbitCheck:
+    """The checks of an orbit of a map.
 
     Parameters
     ----------
     orbit : MapOrbit
-        The cycle.
+        The orbit.
     sizes : ndarray, shape (states,), optional
-        Sizes of the states; by default those of the cycle's points.
+        Sizes of the states; by default those of the orbit's points.
     """
 
     shrinks_at: tuple[str, ...] = ()
@@ -133,7 +133,7 @@ class CycleCheck:
         self.values, self.uncertain = spectrum(steps, sizes_of(orbit.points))
 
     def rows(self) -> list[Row]:
-        """Return the claims of the cycle with their checks."""
+        """Return the claims of the orbit with their checks."""
         orbit, reference, sizes = self.orbit, self.reference, self.sizes
         rows = _place(
             lambda x: _gap(orbit, _image(reference, orbit, x), x),
@@ -164,7 +164,7 @@ class CycleCheck:
         return int(np.sum(sizes > 1.0)), bool(np.all(np.abs(sizes - 1.0) > self.uncertain))
 
     def condition(self, kind: str, multiplicity: int = 1) -> list[Row]:
-        """Return the check that the cycle is critical in the way that a special point says."""
+        """Return the check that the orbit is critical in the way that a special point says."""
         return multiplier_condition(self.values, kind, multiplicity)
 
 

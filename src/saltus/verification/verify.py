@@ -17,7 +17,7 @@ from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.maps.orbit import MapOrbit
 from saltus.orbits import PeriodicOrbit
-from saltus.verification.algebraic import CycleCheck, EquilibriumCheck, sizes_of
+from saltus.verification.algebraic import EquilibriumCheck, MapOrbitCheck, sizes_of
 from saltus.verification.orbits import OrbitCheck
 from saltus.verification.table import Row, Verification, equal, placed, worst
 
@@ -85,9 +85,9 @@ def _(result: SolutionCurve[Any], points: int) -> list[Row]:
 
 
 @singledispatch
-def _check(solution: Any, sizes: NDArray[np.float64] | None = None) -> OrbitCheck | EquilibriumCheck | CycleCheck:
+def _check(solution: Any, sizes: NDArray[np.float64] | None = None) -> OrbitCheck | EquilibriumCheck | MapOrbitCheck:
     """Return the checks of one solution; the states have the sizes that they have along a curve, if any."""
-    known = "an orbit, an equilibrium, a cycle of a map, a special point, a branch or a locus"
+    known = "an orbit, an equilibrium, an orbit of a map, a special point, a branch or a locus"
     raise InputError("result", type(solution).__name__, known)
 
 
@@ -102,8 +102,8 @@ def _(solution: Equilibrium, sizes: NDArray[np.float64] | None = None) -> Equili
 
 
 @_check.register(MapOrbit)
-def _(solution: MapOrbit, sizes: NDArray[np.float64] | None = None) -> CycleCheck:
-    return CycleCheck(solution, sizes)
+def _(solution: MapOrbit, sizes: NDArray[np.float64] | None = None) -> MapOrbitCheck:
+    return MapOrbitCheck(solution, sizes)
 
 
 def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> list[Row]:

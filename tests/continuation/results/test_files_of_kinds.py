@@ -67,3 +67,5 @@ def test_an_accessor_of_before_names_the_one_of_now(branch):
     assert json.loads(branch.to_xarray().attrs["varied"]) == ["r"]
     with pytest.raises(AttributeError, match="'orbit': it is now solution"):
         branch.orbit(0)
+    with pytest.raises(AttributeError, match="'cycle': it is now map_orbit"):
+        _ = next(iter(branch.special_points)).cycle

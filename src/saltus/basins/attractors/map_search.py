@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["MapSearch"]
 
 _STEPS = 30  # Newton steps, at most
-_CONVERGED = 1e-13  # largest Newton step, over the states' sizes, of a cycle that is found
-_ROUNDING = 1e-10  # the same where steps shrink no further, as where derivatives along the cycle are large
-_SINGULAR = 1e12  # condition of Newton's equations beyond which a cycle is not isolated
+_CONVERGED = 1e-13  # largest Newton step, over the states' sizes, of an orbit that is found
+_ROUNDING = 1e-10  # the same where steps shrink no further, as where derivatives along the orbit are large
+_SINGULAR = 1e12  # condition of Newton's equations beyond which an orbit is not isolated
 
 
 class MapSearch(AttractorSearch):
@@ -50,8 +50,8 @@ class MapSearch(AttractorSearch):
         """Find nothing: the theorem of cages is one on flows."""
 
     def _corrected(self, x: NDArray[np.float64], mode: int, turns: int) -> Found | None:
-        """Return the stable cycle near a motion that recurs after a number of iterations, None without one."""
-        points = self._cycle(x, turns)
+        """Return the stable orbit near a motion that recurs after a number of iterations, None without one."""
+        points = self._solved(x, turns)
         if points is None:
             return None
         apart = [float((np.abs(points[later] - points[0]) / self.scale).max()) for later in range(1, turns)]
@@ -65,8 +65,8 @@ class MapSearch(AttractorSearch):
             f"period-{period}", in_order(points, self.scale), None, pieces, False, decay=decay ** (1.0 / period)
         )
 
-    def _cycle(self, x: NDArray[np.float64], turns: int) -> NDArray[np.float64] | None:
-        """Return the points of a cycle by Newton's method on the whole round; None where it does not converge."""
+    def _solved(self, x: NDArray[np.float64], turns: int) -> NDArray[np.float64] | None:
+        """Return the points of an orbit by Newton's method on the whole round; None where it does not converge."""
         before = np.inf
         for _ in range(_STEPS):
             try:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["DiagramOptions", "diagram"]
 
 # Special points from which other branches are sought, by what a branch consists of.
-_SWITCHED = {"equilibria": ("HB", "BP"), "orbits": ("PD", "BP"), "cycles": ("PD", "BP")}
+_SWITCHED = {"equilibria": ("HB", "BP"), "orbits": ("PD", "BP"), "map orbits": ("PD", "BP")}
 _ROUNDED = 1e-9  # range of a state, over the largest of all states, up to which it may be rounding
 _INTERRUPTED = "interrupted"
 
@@ -44,12 +44,12 @@ class DiagramOptions:
     ----------
     depth : int
         Most special points between a branch and a start: 0 for the equilibria through the starts alone, 1 for what
-        meets them as well (cycles at HB, equilibria at BP), 2 for doubled cycles too. Of a map 1 has the cycles of
+        meets them as well (cycles at HB, equilibria at BP), 2 for doubled cycles too. Of a map 1 has the orbits of
         period 2, 2 those of period 4.
     max_branches : int
         Most branches.
     equilibria, orbits : StepControl
-        Steps along branches of equilibria, and along those of orbits or of cycles of a map.
+        Steps along branches of equilibria, and along those of orbits or of orbits of a map.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.results.cascade import Cascade
 from saltus.continuation.results.map_cascade import MapCascade
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.continuation.runs.map_switching import doubled_cycle
+from saltus.continuation.runs.map_switching import doubled_map_orbit
 from saltus.continuation.runs.options import check_along_parameter, checked_interval, read_steps
 from saltus.continuation.switching import doubled_orbit
 from saltus.errors import ConvergenceError, InputError
@@ -134,7 +134,7 @@ class Doubling(NamedTuple):
 @singledispatch
 def doubling(solution: Solution) -> Doubling:
     """Return how the doublings of a solution are followed; each kind that has any registers its own."""
-    raise InputError("start", solution.noun, "a PD of periodic orbits or of cycles of a map")
+    raise InputError("start", solution.noun, "a PD of periodic orbits or of orbits of a map")
 
 
 @doubling.register
@@ -144,7 +144,7 @@ def _(solution: PeriodicOrbit) -> Doubling:
 
 @doubling.register
 def _(solution: MapOrbit) -> Doubling:
-    return Doubling(doubled_cycle, "BC", MapCascade)
+    return Doubling(doubled_map_orbit, "BC", MapCascade)
 
 
 def _followed(

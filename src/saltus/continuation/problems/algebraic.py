@@ -1,6 +1,6 @@
-"""Equilibria, or cycles of maps, as a zero problem with a parameter: metric, monitor functions, checks of a step.
+"""Equilibria, or orbits of maps, as a zero problem with a parameter: metric, monitor functions, checks of a step.
 
-docs/theory/equilibria.md, "Test functions", and docs/theory/cycles.md derive the monitor functions.
+docs/theory/equilibria.md, "Test functions", and docs/theory/map_orbits.md derive the monitor functions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Critical equilibria, or cycles of maps, in two parameters as a zero problem: what both have in common.
+"""Critical equilibria, or orbits of maps, in two parameters as a zero problem: what both have in common.
 
 docs/theory/equilibria.md, "Loci", derives the equations and lists the monitor functions.
 """
@@ -67,7 +67,7 @@ class LocusData:
 
 
 class AlgebraicLocusProblem:
-    """Critical equilibria, or cycles, as a `ZeroProblem` whose last two unknowns are the parameters.
+    """Critical equilibria, or map orbits, as a `ZeroProblem` whose last two unknowns are the parameters.
 
     The state comes first, then the unknowns of the condition, then the two parameters in units of their intervals. The
     arclength counts states and parameters alone.

@@ -1,6 +1,6 @@
-"""Border collisions: what goes on where a point of a cycle meets the border of its piece.
+"""Border collisions: what goes on where a point of an orbit meets the border of its piece.
 
-docs/theory/cycles.md, "Border collisions", derives the conditions.
+docs/theory/map_orbits.md, "Border collisions", derives the conditions.
 
 References
 ----------
@@ -19,7 +19,7 @@ from saltus.system.tiling import piece_at
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.maps.problem import CycleProblem
+    from saltus.maps.problem import MapOrbitProblem
 
 __all__ = ["TOGETHER", "beyond_border"]
 
@@ -28,18 +28,18 @@ TOGETHER = 1e-9  # condition, over its variation with the states' sizes, up to w
 
 
 def beyond_border(
-    problem: CycleProblem, point: int, guard: int, u: NDArray[np.float64], sizes: NDArray[np.float64]
+    problem: MapOrbitProblem, point: int, guard: int, u: NDArray[np.float64], sizes: NDArray[np.float64]
 ) -> Crossing:
-    """Return what goes on where a point of the cycle `u` meets a border of its piece.
+    """Return what goes on where a point of the orbit `u` meets a border of its piece.
 
     Parameters
     ----------
-    problem : CycleProblem
-        The equations of the cycle's itinerary, one parameter active.
+    problem : MapOrbitProblem
+        The equations of the orbit's itinerary, one parameter active.
     point, guard : int
         The point, and the condition that vanishes there.
     u : ndarray, shape (n + 1,)
-        The cycle.
+        The orbit.
     sizes : ndarray, shape (n,)
         Typical sizes of the points.
     """
@@ -67,7 +67,7 @@ def beyond_border(
 
 
 def _piece_beyond(
-    problem: CycleProblem,
+    problem: MapOrbitProblem,
     point: int,
     gradient: NDArray[np.float64],
     u: NDArray[np.float64],

@@ -1,6 +1,6 @@
-"""Critical orbits, equilibria and cycles with some parameters active: equations, and the condition that holds there.
+"""Critical orbits, equilibria and map orbits with active parameters: equations, and the condition that holds there.
 
-docs/theory/loci.md, docs/theory/equilibria.md and docs/theory/cycles.md derive the conditions.
+docs/theory/loci.md, docs/theory/equilibria.md and docs/theory/map_orbits.md derive the conditions.
 """
 
 from __future__ import annotations
@@ -258,11 +258,11 @@ def _(
         raise InputError("type", "BC", "a locus of a map in pieces", "a smooth map has no borders")
     if not heights[nearest] < _CRITICAL:
         least = f"{heights[nearest]:.3g} from the nearest border"
-        raise InputError("start", least, "a cycle with a point on one", "a BC lies there")
+        raise InputError("start", least, "an orbit with a point on one", "a BC lies there")
     return Vanishing(partial(problem.border, *nearest), nearest), np.empty(0)
 
 
 def _check_multipliers(kind: str, solution: MapOrbit, distance: float, wanted: str) -> None:
     if not distance < _CRITICAL:
         found = ", ".join(f"{v:.6g}" for v in solution.multipliers.tolist())
-        raise InputError("start", f"multipliers {found}", f"a cycle with {wanted}, as every {kind} has")
+        raise InputError("start", f"multipliers {found}", f"an orbit with {wanted}, as every {kind} has")

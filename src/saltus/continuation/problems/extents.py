@@ -32,7 +32,7 @@ _APART = 0.25  # difference of two logarithms up to which a share is known
 def extents(problem: AlgebraicProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the sizes at the start of a curve, shape (n,): how far the parameters move the unknowns, and their moduli.
 
-    Those of a state are the same at all points of a cycle.
+    Those of a state are the same at all points of a map orbit.
 
     A state may be large and yet hardly move, as a temperature in kelvins: its size is then how far it moves. Next to a
     fold a state may be next to 0 by chance: its size is then how far it goes along its response to the parameter, as
@@ -42,7 +42,7 @@ def extents(problem: AlgebraicProblem, u: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def in_lockstep(sizes: NDArray[np.float64], period: int) -> NDArray[np.float64]:
-    """Return the largest size of each state along a cycle, for all its points, shape (n,)."""
+    """Return the largest size of each state along a map orbit, for all its points, shape (n,)."""
     return np.tile(sizes.reshape(period, -1).max(axis=0), period)
 
 

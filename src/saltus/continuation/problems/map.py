@@ -1,6 +1,6 @@
-"""Cycles of a map as a zero problem with a parameter: multipliers, their test functions, borders.
+"""Orbits of a map as a zero problem with a parameter: multipliers, their test functions, borders.
 
-docs/theory/cycles.md, "Test functions", derives the monitor functions.
+docs/theory/map_orbits.md, "Test functions", derives the monitor functions.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from saltus.maps.spectrum import FAINT, flip_product, multiplicity, multipliers_
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.maps.problem import CycleProblem
+    from saltus.maps.problem import MapOrbitProblem
 
-__all__ = ["CycleData", "CycleZeroProblem", "grows_without_bound", "rotates"]
+__all__ = ["MapBranchData", "MapZeroProblem", "grows_without_bound", "rotates"]
 
 _PD = Monitor("PD")  # product of 1 + mu
 _TR = Monitor("TR")  # product of the pairs' products less 1
@@ -32,8 +32,8 @@ _GROWN = 1e3  # size of a state, over that at the start, from which on a curve m
 _RESTS = 1e-5  # change of each parameter per unit of arclength, below which such a curve does
 
 
-class CycleData(PointData):
-    """Data of a point: multipliers, the number of unstable ones, why the cycle is virtual."""
+class MapBranchData(PointData):
+    """Data of a point: multipliers, the number of unstable ones, why the orbit is virtual."""
 
     @property
     def stable(self) -> bool:
@@ -41,23 +41,23 @@ class CycleData(PointData):
         return self.unstable == 0 and bool(np.all(np.abs(self.values) < 1.0))
 
 
-class CycleZeroProblem(AlgebraicZeroProblem):
-    """Cycles of one itinerary as a `ZeroProblem`; see `AlgebraicZeroProblem`.
+class MapZeroProblem(AlgebraicZeroProblem):
+    """Orbits of one itinerary as a `ZeroProblem`; see `AlgebraicZeroProblem`.
 
-    The squared arclength is the mean of that of the points, so that a doubled cycle goes as far as the single one.
+    The squared arclength is the mean of that of the points, so that a doubled orbit goes as far as the single one.
     """
 
     critical = on_branches("map")
     single = ("SN", "BP", "PD")
     paired = _TR
     faint = MappingProxyType({_PD: FAINT, _TR: FAINT})
-    vanishing = "the cycle does not close there"
-    problem: CycleProblem
+    vanishing = "the orbit does not close there"
+    problem: MapOrbitProblem
 
-    def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> CycleData:
+    def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> MapBranchData:
         """See `AlgebraicZeroProblem.data`."""
         values = multipliers_of(self.problem.slopes(u)[1])
-        return CycleData(values, unstable_count(values), tuple(faults_of(self.problem, u, self.sizes)))
+        return MapBranchData(values, unstable_count(values), tuple(faults_of(self.problem, u, self.sizes)))
 
     def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
         """See `AlgebraicZeroProblem.own_monitors`."""
@@ -110,7 +110,7 @@ class CycleZeroProblem(AlgebraicZeroProblem):
 def grows_without_bound(
     sizes: NDArray[np.float64], first: NDArray[np.float64], rates: NDArray[np.float64]
 ) -> str | None:
-    """Return why a curve of cycles ends whose points run to infinity while the parameters rest; None if they do not.
+    """Return why a curve of orbits ends whose points run to infinity while the parameters rest; None if they do not.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def grows_without_bound(
         Change of the varied parameters per unit of arclength.
     """
     grown = float(np.max(sizes / first)) > _GROWN and bool(np.all(np.abs(rates) < _RESTS))
-    return "the cycle grows without bound" if grown else None
+    return "the orbit grows without bound" if grown else None
 
 
 def rotates(values: NDArray[np.complex128]) -> bool:

@@ -1,6 +1,6 @@
-"""Critical cycles of a map in two parameters as a zero problem: monitor functions of codimension two.
+"""Critical orbits of a map in two parameters as a zero problem: monitor functions of codimension two.
 
-docs/theory/cycles.md, "Loci", derives the equations and lists the monitor functions.
+docs/theory/map_orbits.md, "Loci", derives the equations and lists the monitor functions.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from saltus.maps.spectrum import FAINT, flip_product, fold_product, multipliers_
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.maps.problem import CycleProblem
+    from saltus.maps.problem import MapOrbitProblem
 
-__all__ = ["CycleLocusProblem"]
+__all__ = ["MapLocusProblem"]
 
 _CP = Monitor("CP")  # coefficient of the normal form of a saddle-node
 _GPD = Monitor("GPD")  # that of a period doubling
@@ -39,15 +39,15 @@ _ANGLES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor
 _TR = Monitor("TR")  # pairs on the unit circle, on a locus of border collisions
 
 
-class CycleLocusProblem(AlgebraicLocusProblem):
-    """Critical cycles of one itinerary as a `ZeroProblem`; see `AlgebraicLocusProblem`."""
+class MapLocusProblem(AlgebraicLocusProblem):
+    """Critical orbits of one itinerary as a `ZeroProblem`; see `AlgebraicLocusProblem`."""
 
     noise: Mapping[Monitor, float] = MappingProxyType({_CP: 1e-10, _GPD: 1e-11, _CH: 1e-10})
     faint: Mapping[Monitor, float] = MappingProxyType(
         dict.fromkeys([_FF, *_TWISTS.values(), *_ANGLES, Monitor("SN"), Monitor("PD"), _TR], FAINT)
     )
-    vanishing = "the cycle does not close there"
-    problem: CycleProblem
+    vanishing = "the orbit does not close there"
+    problem: MapOrbitProblem
 
     def borders(self, point: Point) -> dict[Monitor, float]:
         """See `AlgebraicLocusProblem.borders`."""

@@ -1,4 +1,4 @@
-"""A curve of equilibria, of cycles of a map or of other zeros, as a result: what all have in common, also in files."""
+"""A curve of equilibria, of orbits of a map or of other zeros, as a result: what all have in common, also in files."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class AlgebraicCurve(SolutionCurve[Solved]):
 
     @property
     def unknowns(self) -> NDArray[np.float64]:
-        """The unknowns of each point, shape (point, unknown): the states, or those of all points of a cycle."""
+        """The unknowns of each point, shape (point, unknown): the states, or those of all points of a map orbit."""
         return np.asarray(getattr(self, next(iter(self.written))).reshape(len(self), -1))
 
     @property
@@ -105,8 +105,8 @@ class AlgebraicCurve(SolutionCurve[Solved]):
         Parameters
         ----------
         name : str
-            A varied parameter, a state, an output or ``arclength``; of a cycle that at its first point. Of equilibria
-            also an extreme, as ``max_x``, so that they and cycles are drawn on the same axes.
+            A varied parameter, a state, an output or ``arclength``; of a map orbit that at its first point. Of
+            equilibria also an extreme, as ``max_x``, so that they and cycles are drawn on the same axes.
 
         Returns
         -------

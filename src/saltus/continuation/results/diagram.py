@@ -30,7 +30,10 @@ __all__ = ["Diagram", "DiagramBranch", "Origin", "Place", "kind_of", "place_of"]
 
 DiagramBranch = EquilibriumBranch | Branch | MapBranch
 
-_KINDS: Mapping[str, type[DiagramBranch]] = {kind.counted: kind for kind in (Branch, EquilibriumBranch, MapBranch)}
+_KINDS: Mapping[str, type[DiagramBranch]] = {
+    **{kind.counted: kind for kind in (Branch, EquilibriumBranch, MapBranch)},
+    "cycles": MapBranch,  # as version 0.1.0 wrote
+}
 _SAME_VALUE = 1e-6  # difference of the parameter, over the interval, up to which two special points are the same
 _SAME_STATE = 1e-4  # the same of the states, over their ranges in the diagram
 
@@ -72,13 +75,13 @@ class Place:
 
 
 def place_of(point: SpecialPoint[Any], parameter: str) -> Place:
-    """Return where a special point of orbits, of equilibria or of cycles of a map lies."""
+    """Return where a special point of orbits, of equilibria or of orbits of a map lies."""
     lows, highs = point.solution.extremes
     return Place(point.parameters[parameter], lows, highs, point.solution.system.angle_places)
 
 
 def kind_of(branch: DiagramBranch) -> str:
-    """Return what a branch consists of: ``equilibria``, ``orbits``, or ``cycles`` of a map."""
+    """Return what a branch consists of: ``equilibria``, ``orbits``, or ``map orbits``."""
     return branch.counted
 
 
@@ -90,7 +93,7 @@ def _extremes(branch: DiagramBranch) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagram(Result):
-    """Branches of equilibria and of periodic orbits, or of cycles of a map, along one parameter, and where they meet.
+    """Branches of equilibria and of periodic orbits, or of orbits of a map, along one parameter, and where they meet.
 
     ``diagram[i]`` is branch `i`, ``len(diagram)`` counts the branches, iteration goes through them.
 
@@ -172,7 +175,7 @@ class Diagram(Result):
         Returns
         -------
         pandas.DataFrame
-            One row for each special point, with the states of an equilibrium, or of the start of an orbit or cycle.
+            One row for each special point, with the states of an equilibrium, or of the start of an orbit.
         """
         import pandas as pd
 

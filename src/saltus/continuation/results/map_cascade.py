@@ -26,7 +26,7 @@ _KEPT = ("state", "parameter", "multiplier")  # dimensions that all branches sha
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MapCascade(Doublings):
-    """Successive period doublings of cycles of a map along a parameter; `Doublings` lists the attributes."""
+    """Successive period doublings of orbits of a map along a parameter; `Doublings` lists the attributes."""
 
     start: SpecialPoint[MapOrbit]
     branches: tuple[MapBranch, ...]
@@ -34,7 +34,7 @@ class MapCascade(Doublings):
     @property
     def system(self) -> Map:
         """The map."""
-        return self.start.cycle.system
+        return self.start.map_orbit.system
 
     def to_xarray(self) -> xr.Dataset:
         """Return all branches and the first doubling as one Dataset.
@@ -68,7 +68,7 @@ class MapCascade(Doublings):
 
     def _first(self) -> MapBranch:
         """Return a branch of one point, the first doubling."""
-        orbit, zero = self.start.cycle, np.zeros(1)
+        orbit, zero = self.start.map_orbit, np.zeros(1)
         return MapBranch(
             system=orbit.system, parameter=self.parameter, parameters=dict(orbit.parameters),
             values=np.array([orbit.parameters[self.parameter]]), points=orbit.points[None],

@@ -1,4 +1,4 @@
-"""A curve of cycles of a map as a result, along one parameter or two, with its special points."""
+"""A curve of orbits of a map as a result, along one parameter or two, with its special points."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from saltus.continuation.results.algebraic_curve import AlgebraicCurve
 from saltus.continuation.results.parameters import OneParameter
 from saltus.errors import InputError
 from saltus.maps.orbit import MapOrbit
-from saltus.maps.problem import CycleProblem
-from saltus.maps.solve import solve_cycle
+from saltus.maps.problem import MapOrbitProblem
+from saltus.maps.solve import solve_map_orbit
 from saltus.system.maps import Map
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ __all__ = ["MapBranch", "MapCurve"]
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class MapCurve(AlgebraicCurve[MapOrbit]):
-    """Cycles of a map in order along a curve, and special points: the base of `MapBranch` and `MapLocus`.
+    """Orbits of a map in order along a curve, and special points: the base of `MapBranch` and `MapLocus`.
 
     `AlgebraicCurve` lists the other attributes.
 
@@ -41,13 +41,13 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
     system : Map
         The map.
     points : ndarray, shape (point, period, state)
-        The cycles' points.
+        The orbits' points.
     multipliers : ndarray of complex, shape (point, state)
         Multipliers, the largest modulus first.
     forms : tuple of tuple of int
         The itineraries that occur, as indices of pieces.
     form : ndarray of int, shape (point,)
-        Index of each cycle's itinerary in `forms`.
+        Index of each orbit's itinerary in `forms`.
     """
 
     system: Map
@@ -56,7 +56,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
     forms: tuple[tuple[int, ...], ...]
     form: NDArray[np.int64]
 
-    counted = "cycles"
+    counted = "map orbits"
     solved = MapOrbit
     written: ClassVar = {
         "points": Packed("x", ("iteration", "state")),
@@ -66,7 +66,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
 
     @property
     def period(self) -> int:
-        """Number of points of each cycle."""
+        """Number of points of each orbit."""
         return int(self.points.shape[1])
 
     @property
@@ -76,8 +76,8 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
 
     @property
     def called(self) -> str:
-        """See `SolutionCurve.called`: fixed points, or cycles of a period."""
-        return "fixed points" if self.at_rest else f"cycles of period {self.period}"
+        """See `SolutionCurve.called`: fixed points, or orbits of a period."""
+        return "fixed points" if self.at_rest else f"orbits of period {self.period}"
 
     @property
     def equations(self) -> NDArray[np.int64]:
@@ -86,19 +86,19 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
 
     @property
     def itinerary(self) -> tuple[tuple[str, ...], ...]:
-        """The itinerary of each cycle: names of pieces."""
+        """The itinerary of each orbit: names of pieces."""
         names = [tuple(self.system.piece_names[k] for k in form) for form in self.forms]
         return tuple(names[i] for i in self.form)
 
     def iteration(self, name: str, number: int) -> NDArray[np.float64]:
-        """Return a state or an output at one point of each cycle.
+        """Return a state or an output at one point of each orbit.
 
         Parameters
         ----------
         name : str
             A state or an output.
         number : int
-            The cycle's point; negative ones count from the end.
+            The orbit's point; negative ones count from the end.
 
         Returns
         -------
@@ -108,7 +108,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
         Raises
         ------
         InputError
-            A quantity of another name, or no such point of the cycle.
+            A quantity of another name, or no such point of the orbit.
         """
         checks.chosen("quantity", name, dict.fromkeys([*self.system.states, *self.system.output_names]))
         at = range(self.period)[checks.count("number", number, -self.period, self.period - 1)]
@@ -117,7 +117,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
         return np.array([orbit.output(name)[at] for orbit in self])
 
     def _solution(self, index: int) -> MapOrbit:
-        problem = CycleProblem(self.system, self.forms[self.form[index]], self._parameter_vector(index))
+        problem = MapOrbitProblem(self.system, self.forms[self.form[index]], self._parameter_vector(index))
         sizes = in_lockstep(np.abs(self.points).max(axis=0).ravel(), self.period)
         return MapOrbit.from_unknowns(problem, self.points[index].ravel().copy(), sizes)
 
@@ -145,10 +145,10 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
 @final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class MapBranch(OneParameter[MapOrbit], MapCurve):
-    """Fixed points or cycles of a map along one parameter.
+    """Fixed points or orbits of a map along one parameter.
 
     Types of `special_points` are ``SN``, ``PD``, ``TR`` (Neimark-Sacker), ``BP``, ``BC`` (border collision), ``EX``
-    (extremum) and users' events. `SpecialPoint.kind` of a BC is ``persistence`` where the cycle goes on in the
+    (extremum) and users' events. `SpecialPoint.kind` of a BC is ``persistence`` where the orbit goes on in the
     neighbouring itinerary. It is ``nonsmooth fold`` where both lie on the same side of the parameter. `OneParameter`
     and `MapCurve` list the attributes.
     """
@@ -156,7 +156,7 @@ class MapBranch(OneParameter[MapOrbit], MapCurve):
     def _attempts(self, a: MapOrbit, b: MapOrbit, share: float, value: float) -> Iterator[Callable[[], MapOrbit]]:
         itinerary, parameters = (a if share < 0.5 else b).itinerary, {**a.parameters, self.parameter: value}
         guesses = (a.points + share * (b.points - a.points), a.points, b.points)
-        return (partial(solve_cycle, self.system, parameters, itinerary, points) for points in guesses)
+        return (partial(solve_map_orbit, self.system, parameters, itinerary, points) for points in guesses)
 
 
 def _forms(held: Contents, system: Map, period: int) -> tuple[tuple[int, ...], ...]:

@@ -1,4 +1,4 @@
-"""A locus as a result: critical cycles of a map along two parameters."""
+"""A locus as a result: critical orbits of a map along two parameters."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["MapLocus"]
 @final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class MapLocus(TwoParameters[MapOrbit], MapCurve):
-    """Critical cycles of a map along two parameters, with the parameters' values in `values`, shape (point, 2).
+    """Critical orbits of a map along two parameters, with the parameters' values in `values`, shape (point, 2).
 
     Special points of an SN locus are ``CP`` (cusp), ``R1`` and ``FF`` (fold-flip). Those of a PD locus are ``GPD``,
     ``R2`` and ``FF``. Those of a TR locus are ``CH`` (Chenciner) and ``R1`` to ``R4``. A BC locus has ``SN``, ``PD``
-    and ``TR``: there the cycle is critical too. At ``BC`` another border is met. At ``TP`` the parameter
+    and ``TR``: there the orbit is critical too. At ``BC`` another border is met. At ``TP`` the parameter
     `SpecialPoint.of` turns. `TwoParameters` and `MapCurve` list the
     other attributes.
 

@@ -37,7 +37,7 @@ _REGULAR = 1e-11  # least singular value of a regular system, over the largest
 _FORCED = 1e-6  # forcing by a parameter, over the equations' change by it, up to which a branch point persists
 _ORBITS = ("SN", "PD", "TR", "BP", "GR")  # types of special points that move, of orbits
 _EQUILIBRIA = ("SN", "HB", "BE")  # the same, of equilibria
-_CYCLES = ("SN", "PD", "TR", "BC")  # the same, of cycles of maps
+_MAP_ORBITS = ("SN", "PD", "TR", "BC")  # the same, of orbits of maps
 
 
 class Place(NamedTuple):
@@ -148,7 +148,7 @@ def _(solution: Equilibrium, place: Place) -> tuple[NDArray[np.float64], str]:
 
 @moved.register(MapOrbit)
 def _(solution: MapOrbit, place: Place) -> tuple[NDArray[np.float64], str]:
-    place.check(_CYCLES)
+    place.check(_MAP_ORBITS)
     return _moved(solution, place), ""
 
 

@@ -1,4 +1,4 @@
-"""Special points of a curve of periodic orbits, of equilibria or of cycles of a map."""
+"""Special points of a curve of periodic orbits, of equilibria or of orbits of a map."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class SpecialPoint(Generic[Solved]):
     label : str
         The type with its number along the curve, as in ``SN1``.
     solution : PeriodicOrbit, Equilibrium or MapOrbit
-        The orbit, the equilibrium or the cycle at the point; its parameters are those of the point.
+        The orbit, the equilibrium or the map orbit at the point; its parameters are those of the point.
     test : float
         Test function at the point, whose zero defines the type:
 
@@ -67,7 +67,7 @@ class SpecialPoint(Generic[Solved]):
         - HB: the amplitude of the last cycle; of equilibria the product of the sums of two eigenvalues.
         - HOM: the parameter's last change while it was located.
         - SNIC: the parameter's distance from the last cycle.
-        - BE: of equilibria the event function, over its size; of cycles that of a GR.
+        - BE: of equilibria the event function, over its size; of map orbits that of a GR.
         - BT, GH, ZH, HH: what docs/theory/equilibria.md, "Loci", lists.
         - CP, GPD, CH: the coefficient of the normal form, over its size nearby.
         - R1 to R4: cosine of the multipliers' angle less that of the resonance.
@@ -89,7 +89,7 @@ class SpecialPoint(Generic[Solved]):
     kind : str
         Of a BE or BC ``persistence`` or ``nonsmooth fold``; empty where neither is told.
     scale : ndarray, shape (unknowns,), or None
-        Typical sizes of the unknowns on a curve of equilibria or of cycles of a map; None on one of orbits.
+        Typical sizes of the unknowns on a curve of equilibria or of orbits of a map; None on one of orbits.
     homoclinic : Homoclinic or None
         At a HOM its saddle with the leading eigenvalues, at a SNIC its saddle-node. The solution is the longest cycle.
     """
@@ -108,21 +108,30 @@ class SpecialPoint(Generic[Solved]):
     scale: NDArray[np.float64] | None = None
     homoclinic: Homoclinic | None = None
 
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Say where an accessor is now that stood here up to version 0.1."""
+            now = ": it is now map_orbit" if name == "cycle" else ""
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{now}")
+
     @property
     def orbit(self) -> PeriodicOrbit:
         """The orbit at the point of a curve of orbits."""
-        return checks.instance(f"solution of {self.label}", self.solution, PeriodicOrbit, "use .equilibrium or .cycle")
+        return checks.instance(
+            f"solution of {self.label}", self.solution, PeriodicOrbit, "use .equilibrium or .map_orbit"
+        )
 
     @property
     def equilibrium(self) -> Equilibrium:
         """The equilibrium at the point of a curve of equilibria, or the equilibrium of a HOM or SNIC."""
         if self.homoclinic is not None:
             return self.homoclinic.saddle
-        return checks.instance(f"solution of {self.label}", self.solution, Equilibrium, "use .orbit or .cycle")
+        return checks.instance(f"solution of {self.label}", self.solution, Equilibrium, "use .orbit or .map_orbit")
 
     @property
-    def cycle(self) -> MapOrbit:
-        """The cycle at the point of a curve of cycles of a map."""
+    def map_orbit(self) -> MapOrbit:
+        """The orbit at the point of a curve of orbits of a map."""
         return checks.instance(f"solution of {self.label}", self.solution, MapOrbit, "use .orbit or .equilibrium")
 
     @property
@@ -174,8 +183,8 @@ class SpecialPoint(Generic[Solved]):
         """Normal form at the point, computed on first access.
 
         For orbits that of the Poincare map at an SN, PD or TR: docs/theory/loci.md, "Normal forms". For equilibria that
-        of the field at an SN, HB, CP or BT: docs/theory/equilibria.md, "Normal forms". For cycles of maps that of the
-        iterate at an SN, PD or TR: docs/theory/cycles.md, "Normal forms".
+        of the field at an SN, HB, CP or BT: docs/theory/equilibria.md, "Normal forms". For orbits of maps that of the
+        iterate at an SN, PD or TR: docs/theory/map_orbits.md, "Normal forms".
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Steps from a special point onto another branch, of equilibria or of cycles of a map.
+"""Steps from a special point onto another branch, of equilibria or of orbits of a map.
 
 docs/theory/equilibria.md, "Other branches", derives the directions.
 """

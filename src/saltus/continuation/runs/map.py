@@ -1,4 +1,4 @@
-"""A branch of fixed points and cycles of maps under way, across borders of pieces."""
+"""A branch of fixed points and orbits of maps under way, across borders of pieces."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.problems.border import TOGETHER, beyond_border
-from saltus.continuation.problems.map import CycleZeroProblem
+from saltus.continuation.problems.map import MapZeroProblem
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
 from saltus.continuation.runs.one_parameter import branch_run
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from saltus.continuation.problems.boundary import Crossing
     from saltus.continuation.runs.two_sided import BothSides, OneSide
 
-__all__ = ["CycleRun", "cycle_columns"]
+__all__ = ["MapRun", "map_orbit_columns"]
 
 _RETURNED = 1e-8  # distance, in the states' sizes and the parameter's unit, up to which two border collisions are one
-_HALVED = 1e-5  # distance of a cycle's halves, in the states' sizes, at which the period halves
+_HALVED = 1e-5  # distance of an orbit's halves, in the states' sizes, at which the period halves
 
 
-def cycle_columns(joined: BothSides) -> dict[str, Any]:
+def map_orbit_columns(joined: BothSides) -> dict[str, Any]:
     """Return the fields of `MapCurve` that a branch and a locus fill in the same way."""
     forms = list(dict.fromkeys(piece.problem.itinerary for piece, _ in joined.rows))
     return algebraic_columns(joined) | {
@@ -37,27 +37,27 @@ def cycle_columns(joined: BothSides) -> dict[str, Any]:
     }
 
 
-class CycleRun(AlgebraicRun):
-    """One call of `continue_branch` from a cycle of a map; see `AlgebraicRun`."""
+class MapRun(AlgebraicRun):
+    """One call of `continue_branch` from an orbit of a map; see `AlgebraicRun`."""
 
     solution: MapOrbit
-    zero_problem = CycleZeroProblem
+    zero_problem = MapZeroProblem
     result = MapBranch
-    columns = staticmethod(cycle_columns)
-    types = CycleZeroProblem.critical
-    what = "cycle"
+    columns = staticmethod(map_orbit_columns)
+    types = MapZeroProblem.critical
+    what = "orbit"
     border = "BC"
     at_border = "border collision"
 
-    def crossing(self, branch: CycleZeroProblem, event: Event) -> tuple[str, Crossing]:
+    def crossing(self, branch: MapZeroProblem, event: Event) -> tuple[str, Crossing]:
         """See `AlgebraicRun.crossing`."""
         problem, (_, point, guard, _) = branch.problem, event.name
         found = beyond_border(problem, point, guard, event.point.u, branch.sizes)
         texts = [text for conditions in problem.system.conditions.values() for text in conditions]
         return texts[guard - len(problem.system.pieces)], found
 
-    def returned(self, half: OneSide, branch: CycleZeroProblem, point: Point) -> bool:
-        """See `AlgebraicRun.returned`; another of the cycle's points may be the first one by then."""
+    def returned(self, half: OneSide, branch: MapZeroProblem, point: Point) -> bool:
+        """See `AlgebraicRun.returned`; another of the orbit's points may be the first one by then."""
         here = MapOrbit.from_unknowns(branch.problem, point.u, branch.sizes)
         sizes = branch.sizes[: branch.problem.states]
         for old in (found.solution for found in half.specials if found.name == self.border):
@@ -69,7 +69,7 @@ class CycleRun(AlgebraicRun):
                     return True
         return False
 
-    def leaves(self, branch: CycleZeroProblem, point: Point) -> str | None:
+    def leaves(self, branch: MapZeroProblem, point: Point) -> str | None:
         """See `AlgebraicRun.leaves`: of several points on borders, each must move into its new piece."""
         problem = branch.problem
         for i, guard, height in problem.heights(point.u):
@@ -79,8 +79,8 @@ class CycleRun(AlgebraicRun):
                 return "several points meet borders at once, and move to different sides of them"
         return None
 
-    def starts(self, branch: CycleZeroProblem, origin: Point) -> list[Point]:
-        """See `AlgebraicRun.starts`: gone round a circle, another of a cycle's points may be the first one."""
+    def starts(self, branch: MapZeroProblem, origin: Point) -> list[Point]:
+        """See `AlgebraicRun.starts`: gone round a circle, another of an orbit's points may be the first one."""
         problem = branch.problem
         if not problem.circles.size:
             return [origin]
@@ -91,8 +91,8 @@ class CycleRun(AlgebraicRun):
                 found.append(replace(origin, u=np.append(points.ravel(), origin.u[problem.n :])))
         return found
 
-    def closed_up(self, branch: CycleZeroProblem, point: Point) -> str | None:
-        """See `AlgebraicRun.closed_up`: where the second half of a cycle meets the first one, its period halves."""
+    def closed_up(self, branch: MapZeroProblem, point: Point) -> str | None:
+        """See `AlgebraicRun.closed_up`: where the second half of an orbit meets the first one, its period halves."""
         problem = branch.problem
         half, odd = divmod(problem.period, 2)
         if odd or problem.itinerary[:half] != problem.itinerary[half:]:
@@ -104,5 +104,5 @@ class CycleRun(AlgebraicRun):
 
 
 @branch_run.register
-def _(start: MapOrbit, parameter: str) -> type[CycleRun]:
-    return CycleRun
+def _(start: MapOrbit, parameter: str) -> type[MapRun]:
+    return MapRun

@@ -1,4 +1,4 @@
-"""A locus of critical cycles of maps under way: critical multipliers, border collisions."""
+"""A locus of critical orbits of maps under way: critical multipliers, border collisions."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from saltus.continuation.core.point_types import loci_through
 from saltus.continuation.problems.map import grows_without_bound
-from saltus.continuation.problems.map_locus import CycleLocusProblem
+from saltus.continuation.problems.map_locus import MapLocusProblem
 from saltus.continuation.results.map_locus import MapLocus
 from saltus.continuation.runs.algebraic_locus import AlgebraicLocusRun
-from saltus.continuation.runs.map import cycle_columns
+from saltus.continuation.runs.map import map_orbit_columns
 from saltus.continuation.runs.two_parameters import locus_run
 from saltus.maps.orbit import MapOrbit
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.core.zero_problem import Point
 
-__all__ = ["CycleLocusRun"]
+__all__ = ["MapLocusRun"]
 
 
-class CycleLocusRun(AlgebraicLocusRun):
-    """One call of `continue_locus` from a cycle of a map; see `AlgebraicLocusRun`."""
+class MapLocusRun(AlgebraicLocusRun):
+    """One call of `continue_locus` from an orbit of a map; see `AlgebraicLocusRun`."""
 
     solution: MapOrbit
-    zero_problem = CycleLocusProblem
+    zero_problem = MapLocusProblem
     result = MapLocus
-    columns = staticmethod(cycle_columns)
+    columns = staticmethod(map_orbit_columns)
     measured = ("coefficient", "angle")
     loci = loci_through("map")
     ends_at = MappingProxyType(
         {
             "R1": "beyond it two real multipliers have the product 1",
             "R2": "beyond it two real multipliers have the product 1",
-            "BC": "cycles beyond it belong to another itinerary",
+            "BC": "orbits beyond it belong to another itinerary",
         }
     )
 
@@ -48,7 +48,7 @@ class CycleLocusRun(AlgebraicLocusRun):
         texts = [text for conditions in system.conditions.values() for text in conditions]
         return texts[name.transition - len(system.pieces)] if name.kind == "BC" else ""
 
-    def passed(self, piece: CycleLocusProblem, point: Point) -> str | None:
+    def passed(self, piece: MapLocusProblem, point: Point) -> str | None:
         """See `Run.passed`."""
         cosine = float(point.u[-3]) if self.kind == "TR" else 0.0
         return None if abs(cosine) < 1.0 else f"{'R1' if cosine > 0.0 else 'R2'}: {self.ends_at['R1']}"
@@ -59,5 +59,5 @@ class CycleLocusRun(AlgebraicLocusRun):
 
 
 @locus_run.register
-def _(solution: MapOrbit) -> type[CycleLocusRun]:
-    return CycleLocusRun
+def _(solution: MapOrbit) -> type[MapLocusRun]:
+    return MapLocusRun

@@ -1,11 +1,11 @@
-"""Cycles of the other branches that meet at a special point of a map: doubled ones, those of a branch point."""
+"""Orbits of the other branches that meet at a special point of a map: doubled ones, those of a branch point."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from saltus.continuation.core.multiple import branches_at, crossing
-from saltus.continuation.problems.map import CycleZeroProblem
+from saltus.continuation.problems.map import MapZeroProblem
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.branching import everywhere, other_branches, parameter_scale, stepped
 from saltus.errors import ConvergenceError, InputError
@@ -14,26 +14,26 @@ from saltus.maps.orbit import MapOrbit
 from saltus.maps.solve import sizes_of
 from saltus.system.angles import wrapped
 
-__all__ = ["doubled_cycle", "other_cycles"]
+__all__ = ["doubled_map_orbit", "other_orbits"]
 
 _AMPLITUDES = tuple(1e-3 * 0.25**k for k in range(8))  # steps onto the doubled branch, in sizes of the states, in turn
 
 
-def other_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
-    """Return a cycle of each other branch that meets the point's own one.
+def other_orbits(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
+    """Return an orbit of each other branch that meets the point's own one.
 
     Raises
     ------
     InputError
         The point is no PD or BP.
     ConvergenceError
-        No cycle of the other branch was found.
+        No orbit of the other branch was found.
     """
     if point.type == "PD":
-        return doubled_cycles(point)
+        return doubled_orbits(point)
     if point.type != "BP":
         raise InputError("point", point.type, "of type PD or BP", "no other branch meets there")
-    orbit, name = point.cycle, point.varied[-1]
+    orbit, name = point.map_orbit, point.varied[-1]
     problem = orbit.problem(name)
     u = np.append(orbit.points.ravel(), orbit.parameters[name])
     if problem.period % 2 == 0 and point.tangent is not None:
@@ -43,12 +43,12 @@ def other_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
             return [_single(orbit)]
     return [
         MapOrbit.from_unknowns(problem, *found)
-        for found in other_branches(problem, u, point.tangent, CycleZeroProblem, point.scale)
+        for found in other_branches(problem, u, point.tangent, MapZeroProblem, point.scale)
     ]
 
 
 def _single(orbit: MapOrbit) -> MapOrbit:
-    """Return the cycle of half the period at the point to which a doubled one has shrunk."""
+    """Return the orbit of half the period at the point to which a doubled one has shrunk."""
     half = orbit.period // 2
     first, places = orbit.points[:half], orbit.system.angle_places
     again = orbit.points[half:].copy()
@@ -63,9 +63,9 @@ def _single(orbit: MapOrbit) -> MapOrbit:
     return MapOrbit.from_unknowns(problem, u, sizes_of(problem, u))
 
 
-def doubled_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
-    """Return the cycles of doubled period beside a period doubling: several where several multipliers are -1."""
-    orbit, name = point.cycle, point.varied[-1]
+def doubled_orbits(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
+    """Return the orbits of doubled period beside a period doubling: several where several multipliers are -1."""
+    orbit, name = point.map_orbit, point.varied[-1]
     single = orbit.problem(name)
     u = np.append(orbit.points.ravel(), orbit.parameters[name])
     doubled = single.along(single.itinerary * 2)
@@ -75,19 +75,19 @@ def doubled_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
     scaled = J[:, :-1] * known
     scaled /= np.abs(scaled).max(axis=1, keepdims=True)
     if crossing(np.linalg.svd(scaled, compute_uv=False)) < 2:
-        return [doubled_cycle(point)]
+        return [doubled_map_orbit(point)]
     doubled.scales[0], start[-1] = scale, start[-1] / scale
     A = single.evaluate(u)[1]
     own = -np.linalg.solve(A[:, :-1], A[:, -1]) * scale
     found = branches_at(
-        doubled.evaluate, start, np.append(known, 1.0), np.concatenate([own, own, [1.0]]), "doubled cycle"
+        doubled.evaluate, start, np.append(known, 1.0), np.concatenate([own, own, [1.0]]), "doubled orbit"
     )
     return [MapOrbit.from_unknowns(doubled, v, known) for v in found]
 
 
-def doubled_cycle(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:
-    """Return the cycle of doubled period beside a period doubling, the `level`-th of a cascade, counted from 0."""
-    orbit, name = point.cycle, point.varied[-1]
+def doubled_map_orbit(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:
+    """Return the orbit of doubled period beside a period doubling, the `level`-th of a cascade, counted from 0."""
+    orbit, name = point.map_orbit, point.varied[-1]
     single = orbit.problem(name)
     u = np.append(orbit.points.ravel(), orbit.parameters[name])
     q = null_vectors(single, single.evaluate(u)[1], -1.0)[0].real
@@ -100,7 +100,7 @@ def doubled_cycle(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:
     direction = direction / float(np.abs(direction[:-1] / sizes).max())
     reason = ""
     for amplitude in _AMPLITUDES:
-        branch = CycleZeroProblem(problem, sizes, everywhere(scale))
+        branch = MapZeroProblem(problem, sizes, everywhere(scale))
         found = stepped(branch, start, 0.5**level * amplitude * direction, sizes)
         if isinstance(found, str):
             reason = found
@@ -109,4 +109,4 @@ def doubled_cycle(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:
         if doubled.regular or not orbit.regular:
             return doubled
         reason = "; ".join(doubled.reasons)
-    raise ConvergenceError("doubled cycle", _AMPLITUDES[-1], len(_AMPLITUDES), reason)
+    raise ConvergenceError("doubled orbit", _AMPLITUDES[-1], len(_AMPLITUDES), reason)

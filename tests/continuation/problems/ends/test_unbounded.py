@@ -20,7 +20,7 @@ from saltus.continuation.problems.ends.unbounded import levels_off
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.maps.orbit import MapOrbit
-from saltus.maps.problem import CycleProblem
+from saltus.maps.problem import MapOrbitProblem
 
 CLOCK = HybridSystem(
     ("x", "v"), {"F": 0.05, "W": 0.6, "u": 1.0},
@@ -171,7 +171,7 @@ def test_a_branch_that_starts_next_to_a_branch_point_at_0_has_the_branch_point(f
 @pytest.mark.parametrize("aside", [0.0, 1e-9, -1e-7, 1e-7, 1e-5, 1e-3])
 def test_a_branch_of_a_map_that_starts_next_to_its_fold_has_the_fold(aside):
     tent = Map(("x", "y"), {"p": 0.0}, {"x": "x + p - x**2", "y": "x - y/2"})
-    problem = CycleProblem(tent, (0,), np.array([aside**2]))
+    problem = MapOrbitProblem(tent, (0,), np.array([aside**2]))
     start = MapOrbit.from_unknowns(problem, np.array([aside, 2.0 / 3.0 * aside]), np.ones(2))
     (fold,) = continue_orbit(start, "p", (-0.5, 0.5)).special_points
     assert fold.type == "SN"

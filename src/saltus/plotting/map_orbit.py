@@ -1,4 +1,4 @@
-"""Pictures of cycles of maps: a cobweb or points in the plane, and branches along a parameter."""
+"""Pictures of orbits of maps: a cobweb or points in the plane, and branches along a parameter."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-__all__ = ["at_each_point", "leave_out_the_unbounded", "plot_cycle", "plot_map_branch", "turned_cycle"]
+__all__ = ["at_each_point", "leave_out_the_unbounded", "plot_map_branch", "plot_map_orbit", "turned_orbit"]
 
-_STEEP = 0.05  # part of the parameter's range, next to an unbounded end, whose cycles do not set the axis' limits
-_MARGIN = 0.05  # room above and below the cycles shown, over their range
+_STEEP = 0.05  # part of the parameter's range, next to an unbounded end, whose orbits do not set the axis' limits
+_MARGIN = 0.05  # room above and below the orbits shown, over their range
 _ROOM = 0.5  # part of the points' range, or of a fixed point, that a cobweb shows beyond them
 
 
 @plot.register(MapOrbit)
-def plot_cycle(
-    cycle: MapOrbit, x: str | None = None, y: str | None = None, *, ax: Axes | None = None, legend: bool = True
+def plot_map_orbit(
+    orbit: MapOrbit, x: str | None = None, y: str | None = None, *, ax: Axes | None = None, legend: bool = True
 ) -> Axes:
-    """Draw a cycle of a map and return the matplotlib Axes.
+    """Draw an orbit of a map and return the matplotlib Axes.
 
-    A cycle of one state is a cobweb: the graph of the map, the diagonal, and the way between the points. That of
+    An orbit of one state is a cobweb: the graph of the map, the diagonal, and the way between the points. That of
     several states is drawn as points in the plane of two quantities, with thin lines from each point to its image. Each
-    point has the colour of its piece. It is filled where the cycle is stable, else open.
+    point has the colour of its piece. It is filled where the orbit is stable, else open.
 
     Parameters
     ----------
-    cycle : MapOrbit
-        The cycle.
+    orbit : MapOrbit
+        The orbit.
     x, y : str, optional
         Expressions in states, parameters and outputs. By default the first two states, for one state a cobweb.
     ax : matplotlib.axes.Axes, optional
@@ -55,43 +55,43 @@ def plot_cycle(
         A text that is no expression, or an unknown name in it.
     """
     style.check_options(ax, x, y, legend=legend)
-    system = cycle.system
+    system = orbit.system
     if x is None and y is None and len(system.states) == 1:
         ax = style.axes(ax)
-        _draw_closed_cobweb(ax, cycle)
+        _draw_closed_cobweb(ax, orbit)
     else:
         names = [system.states[0] if x is None else x, system.states[:2][-1] if y is None else y]
-        columns = [cycle.output(name) for name in names]
+        columns = [orbit.output(name) for name in names]
         ax = style.axes(ax)
-        if cycle.period > 1:
+        if orbit.period > 1:
             ax.plot(*(np.append(column, column[0]) for column in columns), color="0.75", linewidth=0.7, zorder=1)
-        _draw_points(ax, cycle, columns[0], columns[1])
+        _draw_points(ax, orbit, columns[0], columns[1])
         ax.set_xlabel(style.label_of(names[0]))
         ax.set_ylabel(style.label_of(names[1]))
-    stable = "stable" if cycle.stable else "unstable"
-    ax.set_title(f"{stable} fixed point" if cycle.period == 1 else f"{stable} cycle of period {cycle.period}")
+    stable = "stable" if orbit.stable else "unstable"
+    ax.set_title(f"{stable} fixed point" if orbit.period == 1 else f"{stable} orbit of period {orbit.period}")
     if legend and system.is_piecewise:
         style.draw_legend(ax)
     return ax
 
 
-def _draw_closed_cobweb(ax: Axes, cycle: MapOrbit) -> None:
-    """Draw the cobweb of a cycle of one state, its points on the graph."""
-    x = cycle.points[:, 0]
+def _draw_closed_cobweb(ax: Axes, orbit: MapOrbit) -> None:
+    """Draw the cobweb of an orbit of one state, its points on the graph."""
+    x = orbit.points[:, 0]
     room = _ROOM * (float(np.ptp(x)) or abs(float(x[0])) or 1.0)
     low, high = float(x.min()) - room, float(x.max()) + room
-    draw_cobweb(ax, cycle.system, cycle.parameters, np.append(x, x[0]), (low, high))
-    _draw_points(ax, cycle, x, np.roll(x, -1), named=False)
+    draw_cobweb(ax, orbit.system, orbit.parameters, np.append(x, x[0]), (low, high))
+    _draw_points(ax, orbit, x, np.roll(x, -1), named=False)
     ax.set(xlim=(low, high), ylim=(low, high))
 
 
 def _draw_points(
-    ax: Axes, cycle: MapOrbit, x: NDArray[np.float64], y: NDArray[np.float64], *, named: bool = True
+    ax: Axes, orbit: MapOrbit, x: NDArray[np.float64], y: NDArray[np.float64], *, named: bool = True
 ) -> None:
-    """Draw the points of a cycle in the colours of their pieces."""
-    pieces = np.array(itinerary_of(cycle.system, cycle.itinerary))
+    """Draw the points of an orbit in the colours of their pieces."""
+    pieces = np.array(itinerary_of(orbit.system, orbit.itinerary))
     for k in np.unique(pieces).tolist():
-        marker = style.Marker(cycle.system.piece_names[k], "o", style.colour_of_mode(k), filled=cycle.stable, size=6.0)
+        marker = style.Marker(orbit.system.piece_names[k], "o", style.colour_of_mode(k), filled=orbit.stable, size=6.0)
         label = style.plain(marker.meaning) if named else "_"
         ax.plot(x[pieces == k], y[pieces == k], label=label, zorder=3, **marker.options())
 
@@ -106,9 +106,9 @@ def plot_map_branch(
     special: bool = True,
     legend: bool = True,
 ) -> Axes:
-    """Draw a branch of cycles of a map and return the matplotlib Axes.
+    """Draw a branch of orbits of a map and return the matplotlib Axes.
 
-    Stable cycles are solid, unstable ones dashed, virtual ones dotted in grey. A cycle of period k has k curves, one
+    Stable orbits are solid, unstable ones dashed, virtual ones dotted in grey. An orbit of period k has k curves, one
     for each point. Curves are interpolated between their points as that of a `Branch`, with corners at border
     collisions. Where a branch runs to infinity, the axis of a new figure ends before it.
 
@@ -155,10 +155,10 @@ def leave_out_the_unbounded(ax: Axes, branches: Sequence[Any], y: str) -> None:
 
 
 def at_each_point(branch: MapBranch) -> list[MapBranch]:
-    """Return a branch of cycles once for each point of a cycle, which stands first."""
+    """Return a branch of orbits once for each point of an orbit, which stands first."""
     found = []
     for k in range(branch.period):
-        points = [replace(point, solution=turned_cycle(point.cycle, k)) for point in branch.special_points]
+        points = [replace(point, solution=turned_orbit(point.map_orbit, k)) for point in branch.special_points]
         found.append(
             replace(
                 branch,
@@ -170,7 +170,7 @@ def at_each_point(branch: MapBranch) -> list[MapBranch]:
     return found
 
 
-def turned_cycle(cycle: MapOrbit, first: int) -> MapOrbit:
-    """Return the same cycle, another of its points the first one."""
-    itinerary = (*cycle.itinerary[first:], *cycle.itinerary[:first])
-    return replace(cycle, points=np.roll(cycle.points, -first, axis=0), itinerary=itinerary)
+def turned_orbit(orbit: MapOrbit, first: int) -> MapOrbit:
+    """Return the same orbit, another of its points the first one."""
+    itinerary = (*orbit.itinerary[first:], *orbit.itinerary[:first])
+    return replace(orbit, points=np.roll(orbit.points, -first, axis=0), itinerary=itinerary)
