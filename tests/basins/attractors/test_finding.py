@@ -138,12 +138,12 @@ def test_a_stable_orbit_is_periodic_even_where_no_ellipsoid_contracts(monkeypatc
 def test_motions_that_creep_away_from_an_unstable_orbit_find_no_attractor_there():
     # multiplier 1.01 at 0, and 0.98 at the attractors +-0.1
     system = carried(("x",), {}, {"x": "1.01*x - x**3"})
-    hunt = AttractorSearch(system, {}, np.array([-1.0]), np.array([1.0]), AttractorOptions(samples=100))
+    search = AttractorSearch(system, {}, np.array([-1.0]), np.array([1.0]), AttractorOptions(samples=100))
     beside = np.array([[1e-6], [-2e-6]])
-    path = np.array([hunt.ensemble.strobe(beside, count=count)[0] for count in (80, 100)])
+    path = np.array([search.ensemble.strobe(beside, count=count)[0] for count in (80, 100)])
     assert np.abs(np.diff(path, axis=0)).max() < 1e-5  # it recurs as if it were settling
-    hunt.follow(beside)
-    assert sorted(float(found.points[0, 0]) for found in hunt.found) == pytest.approx([-0.1, 0.1], abs=1e-9)
+    search.follow(beside)
+    assert sorted(float(found.points[0, 0]) for found in search.found) == pytest.approx([-0.1, 0.1], abs=1e-9)
 
 
 def test_an_orbit_that_is_no_attractor_is_refused():
@@ -258,7 +258,7 @@ def test_a_slow_spiral_towards_a_long_orbit_is_no_attractor_beside_it():
 def test_the_stay_in_a_leaking_interval_is_measured():
     # of the interval [0, 1] each step carries the part 1 - 2/slope away, uniformly
     slope = 2.002
-    hunt = AttractorSearch(
+    search = AttractorSearch(
         carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), AttractorOptions(samples=100, longest=1500)
     )
 
@@ -266,21 +266,21 @@ def test_the_stay_in_a_leaking_interval_is_measured():
         x = np.array(points, dtype=float)
         for _ in range(count):
             x = slope * np.minimum(x, 1.0 - x)
-        hunt.ensemble.work += 1  # as where lanes follow all motions
+        search.ensemble.work += 1  # as where lanes follow all motions
         return np.where(np.abs(x) < 1e8, x, np.nan), np.zeros(len(x), np.int64)
 
-    hunt.ensemble.strobe = strobe
-    hunt.ensemble.settle = lambda x, traps, longest: (np.full(len(x), 253, np.uint8), np.zeros(len(x), np.int32))
+    search.ensemble.strobe = strobe
+    search.ensemble.settle = lambda x, traps, longest: (np.full(len(x), 253, np.uint8), np.zeros(len(x), np.int32))
     chaos = Found("chaotic", np.random.default_rng(3).uniform(0.0, 1.0, (1024, 1)), None, frozenset({"rest"}), True)
-    hunt.found.append(chaos)
-    hunt.drop_transients()
-    assert not hunt.found
+    search.found.append(chaos)
+    search.drop_transients()
+    assert not search.found
     assert 64 < chaos.stay.left < chaos.stay.motions == 128
     assert chaos.stay.mean == pytest.approx(slope / (slope - 2.0), rel=3.0 / math.sqrt(chaos.stay.left))
 
 
 def test_of_two_intervals_between_which_motions_change_all_the_time_one_is_an_attractor(monkeypatch):
-    hunt = AttractorSearch(
+    search = AttractorSearch(
         carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), AttractorOptions(samples=100, longest=1500)
     )
     rng = np.random.default_rng(4)
@@ -291,16 +291,16 @@ def test_of_two_intervals_between_which_motions_change_all_the_time_one_is_an_at
             # chaos in [0, 1] and in [2, 3], and a change from one to the other in 2000 steps
             within = x % 2.0
             x = np.where(rng.random(x.shape) < 1.0 / 2000.0, 2.0 - (x - within), x - within) + rng.random(x.shape)
-        hunt.ensemble.work += 1
+        search.ensemble.work += 1
         return x, np.zeros(len(x), np.int64)
 
-    hunt.ensemble.strobe = strobe
+    search.ensemble.strobe = strobe
     chaos = {"orbit": None, "visited": frozenset({"rest"}), "touches": True}
-    monkeypatch.setattr(hunt, "_featured", lambda cloud, *_, **__: Found("chaotic", cloud, **chaos))
-    hunt.found.append(Found("chaotic", rng.random((1024, 1)), **chaos))
-    hunt.drop_transients()
-    assert len(hunt.found) == 1
-    assert hunt.found[0].stay.mean > 10 * 1500
+    monkeypatch.setattr(search, "_featured", lambda cloud, *_, **__: Found("chaotic", cloud, **chaos))
+    search.found.append(Found("chaotic", rng.random((1024, 1)), **chaos))
+    search.drop_transients()
+    assert len(search.found) == 1
+    assert search.found[0].stay.mean > 10 * 1500
 
 
 def test_what_was_seen_of_the_stay_is_told():

@@ -189,7 +189,7 @@ def test_an_angle_that_runs_on_makes_no_endless_copies_of_a_transient(monkeypatc
     """A driven pendulum turns over again and again, into one copy of its well after another, for a very long time."""
     seen = []
     monkeypatch.setattr(
-        recurrence.AttractorSearch, "_stay", lambda hunt, found: seen.append(found) or recurrence.Stay(1, 1.0, 1)
+        recurrence.AttractorSearch, "_stay", lambda search, found: seen.append(found) or recurrence.Stay(1, 1.0, 1)
     )
     pendulum = HybridSystem(
         ("x", "v"), {}, {"m": Mode({"x": "v", "v": "-0.2*v - sin(x) + 1.66*cos(s)"})}, phase=("s", "1")

@@ -57,8 +57,8 @@ class Building:
     `transients` are the labels of attractors that turned out to be transients.
     """
 
-    def __init__(self, hunt: FollowedMotions, found: list[Found]) -> None:
-        self.hunt, self.found = hunt, found
+    def __init__(self, search: FollowedMotions, found: list[Found]) -> None:
+        self.search, self.found = search, found
         self.notes: dict[int, str] = {}
         self.error = 0.0
         self.transients: set[int] = set()
@@ -70,13 +70,13 @@ class Building:
 
     def traps(self) -> Traps:
         """Return all trapping regions."""
-        begun = self.hunt.spent
+        begun = self.search.spent
         enlarging = {}
         for label in self.cores:
             if (made := self._enlarging(label, self.found[label])) is not None:
                 enlarging[label] = made
         self.samples = self._affordable(begun)
-        self.hunt.reporter.expect(_PASSES * len(enlarging) * self.samples)
+        self.search.reporter.expect(_PASSES * len(enlarging) * self.samples)
         enlarging = {label: made for label, made in enlarging.items() if self._enlarged(label, made)}
         entered = self._enter(enlarging)
         for label, each in enumerate(self.found):
@@ -94,13 +94,13 @@ class Building:
 
     def _regions(self, ellipsoids: Mapping[int, OrbitEllipsoids], cells: Cells | None = None) -> Traps:
         caged = {label: each.cage for label, each in enumerate(self.found) if each.cage is not None}
-        n = len(self.hunt.low)
+        n = len(self.search.low)
         return Traps(
             n,
             Ellipsoids.joined([e.as_traps(label) for label, e in ellipsoids.items()]) if ellipsoids else None,
             _stacked(caged, n) if caged else None,
             cells,
-            self.hunt.limit,
+            self.search.limit,
         )
 
     def _enlarging(self, label: int, found: Found) -> Enlarging | None:
@@ -108,53 +108,53 @@ class Building:
 
         None for an attractor with a cage that lanes cannot follow: ellipsoids would not save time there.
         """
-        hunt = self.hunt
+        search = self.search
         inner, core = found.ellipsoid, found.core
         assert inner is not None
         assert core is not None
 
         def settles(x: NDArray[np.float64], region: OrbitEllipsoids, longest: int) -> NDArray[np.bool_]:
-            labels, _ = hunt.ensemble.settle(x, self._regions({**self.cores, label: region}), longest)
-            hunt.reporter.step(len(x), "measuring trapping regions")
+            labels, _ = search.ensemble.settle(x, self._regions({**self.cores, label: region}), longest)
+            search.reporter.step(len(x), "measuring trapping regions")
             return np.asarray(labels == label)
 
-        if found.cage is not None and not hunt.in_lanes(inner.centres[:1]):
+        if found.cage is not None and not search.in_lanes(inner.centres[:1]):
             return None
         others = np.concatenate(
-            [np.empty((0, len(hunt.low))), *(each.points for each in self.found if each is not found)]
+            [np.empty((0, len(search.low))), *(each.points for each in self.found if each is not found)]
         )
-        enlarging = Enlarging(hunt.ensemble, settles, 2.0 * hunt.scale, others, hunt.rng, hunt.options)
+        enlarging = Enlarging(search.ensemble, settles, 2.0 * search.scale, others, search.rng, search.options)
         self.wholes[label] = enlarging.grown(inner)
         return enlarging
 
     def _affordable(self, begun: float) -> int:
         """Return the samples of each region whose time is `_TIMES` that of labelling all motions."""
-        hunt, longest = self.hunt, min(self.hunt.options.longest, _PILOT_LONGEST)
-        if hunt.options.samples is not None:
-            return hunt.options.samples
-        spent = hunt.spent - begun
+        search, longest = self.search, min(self.search.options.longest, _PILOT_LONGEST)
+        if search.options.samples is not None:
+            return search.options.samples
+        spent = search.spent - begun
         each = 0.0
         for whole in self.wholes.values():
-            before = hunt.spent
-            hunt.ensemble.settle(whole.samples(_PILOT, hunt.rng), self._regions(self.cores), longest)
-            each += (hunt.spent - before) / _PILOT
+            before = search.spent
+            search.ensemble.settle(whole.samples(_PILOT, search.rng), self._regions(self.cores), longest)
+            each += (search.spent - before) / _PILOT
         labelled = self._labelled(self.wholes, longest)
         left = _TIMES * labelled - spent
-        cost = _TO_THE_CORE * each + _ENTRIES * labelled / hunt.motions
+        cost = _TO_THE_CORE * each + _ENTRIES * labelled / search.motions
         return int(np.clip(left / max(cost, 1.0), _FEWEST_SAMPLES, _MOST_SAMPLES))
 
     def _labelled(self, regions: Mapping[int, OrbitEllipsoids], longest: int) -> float:
         """Return the periods of lanes to label all motions with given regions, estimated from a few motions."""
-        hunt = self.hunt
+        search = self.search
         if self.pilots is None:
-            self.pilots = hunt.starts(_PILOT)
-        before = hunt.spent
-        hunt.ensemble.settle(self.pilots, self._regions(regions), longest)
-        return (hunt.spent - before + len(self.pilots)) * hunt.motions / max(len(self.pilots), 1)
+            self.pilots = search.starts(_PILOT)
+        before = search.spent
+        search.ensemble.settle(self.pilots, self._regions(regions), longest)
+        return (search.spent - before + len(self.pilots)) * search.motions / max(len(self.pilots), 1)
 
     def _enlarged(self, label: int, enlarging: Enlarging) -> bool:
         """Verify one attractor's ellipsoids, and enlarge them by planes while this saves time."""
-        hunt, found, core = self.hunt, self.found[label], self.cores[label]
+        search, found, core = self.search, self.found[label], self.cores[label]
         inner = found.ellipsoid
         assert inner is not None
         enlarging.samples = self.samples
@@ -166,13 +166,13 @@ class Building:
             del self.wholes[label]
             return False
         self.wholes[label] = self.ellipsoids[label] = whole
-        if hunt.in_lanes(inner.centres[:1]):
+        if search.in_lanes(inner.centres[:1]):
 
             def saved(smaller: OrbitEllipsoids, larger: OrbitEllipsoids) -> float:
                 before, after = (self._labelled({**self.wholes, label: r}, SOON) for r in (smaller, larger))
                 return before - after
 
-            self.ellipsoids[label] = enlarging.beyond(whole, saved, lambda: hunt.spent)
+            self.ellipsoids[label] = enlarging.beyond(whole, saved, lambda: search.spent)
         return True
 
     def _enter(self, enlarging: Mapping[int, Enlarging]) -> dict[int, tuple[int, int]]:
@@ -203,20 +203,20 @@ class Building:
 
         There are fewer motions where lanes leave many over.
         """
-        hunt = self.hunt
+        search = self.search
         cut = [label for label, region in self.ellipsoids.items() if region is not self.wholes[label]]
         if not cut:
-            return np.empty(0, np.uint8), np.empty((0, len(hunt.low))), np.empty(0, bool)
-        left_over, found = hunt.ensemble.left_over, []
+            return np.empty(0, np.uint8), np.empty((0, len(search.low))), np.empty(0, bool)
+        left_over, found = search.ensemble.left_over, []
         for count in pieces(self.samples):
-            x = hunt.rng.uniform(hunt.low, hunt.high, (count, len(hunt.low)))
-            labels, states, modes = hunt.ensemble.arrivals(x, self._regions(self.ellipsoids), SOON)
+            x = search.rng.uniform(search.low, search.high, (count, len(search.low)))
+            labels, states, modes = search.ensemble.arrivals(x, self._regions(self.ellipsoids), SOON)
             entering = np.isin(labels, cut)
             labels, states, modes = labels[entering], states[entering], modes[entering]
-            ends, periods = hunt.ensemble.settle(states, self._regions(self.wholes), SOON, modes)
+            ends, periods = search.ensemble.settle(states, self._regions(self.wholes), SOON, modes)
             beyond = periods > 0
             found.append((labels[beyond], states[beyond], (ends != labels)[beyond]))
-            if hunt.ensemble.left_over > left_over + LEFT_OVER:
+            if search.ensemble.left_over > left_over + LEFT_OVER:
                 break
         labels, states, elsewhere = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return labels, states, elsewhere
@@ -259,11 +259,11 @@ class Building:
         certain = self._regions(self.ellipsoids)
         if not clouds:
             return certain
-        hunt = self.hunt
+        search = self.search
         elsewhere = [each.points for label, each in enumerate(self.found) if label not in clouds]
-        others = np.concatenate([np.empty((0, len(hunt.low))), *elsewhere])
-        boxes = boxes_along(hunt.ensemble, clouds, others, hunt.scale, _VISITS, hunt.rng)
-        starts = hunt.starts(max(self.samples // _REGION_SAMPLES, 100))
+        others = np.concatenate([np.empty((0, len(search.low))), *elsewhere])
+        boxes = boxes_along(search.ensemble, clouds, others, search.scale, _VISITS, search.rng)
+        starts = search.starts(max(self.samples // _REGION_SAMPLES, 100))
         visits, leaving = _VISITS, dict.fromkeys(clouds, False)
         while True:
             cells = replace(boxes.cells, visits=visits)
@@ -290,11 +290,11 @@ class Building:
 
     def _left(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> dict[int, tuple[int, int]]:
         """Return for each label: motions labelled by its boxes that get another label by longer stays, and all."""
-        hunt, longest = self.hunt, self.hunt.options.longest
-        labels, _ = hunt.ensemble.settle(starts, traps, longest)
+        search, longest = self.search, self.search.options.longest
+        labels, _ = search.ensemble.settle(starts, traps, longest)
         boxed = np.isin(labels, np.unique(cells.labels))
         strict = replace(cells, visits=_LONGER * cells.visits)
-        again, _ = hunt.ensemble.settle(starts[boxed], self._regions(self.ellipsoids, strict), longest)
+        again, _ = search.ensemble.settle(starts[boxed], self._regions(self.ellipsoids, strict), longest)
         elsewhere, first = (again != labels[boxed]) & (again != UNDECIDED), labels[boxed]
         return {
             int(label): (int(elsewhere[first == label].sum()), int((first == label).sum()))

@@ -111,14 +111,14 @@ def find_attractors(
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
     with Reporter(progress) as reporter:
-        hunt = _search_of(system)(system, parameters, low, high, chosen, reporter)
-        starts = hunt.starts(chosen.starts)
+        search = _search_of(system)(system, parameters, low, high, chosen, reporter)
+        starts = search.starts(chosen.starts)
         if not len(starts):
             raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
-        hunt.follow(starts)
-        if len(hunt.found) < DIVERGED:
-            hunt.drop_transients()
-        return _assembled(hunt, box, sorted(hunt.found, key=lambda found: _rank(hunt, found)), None, starts)
+        search.follow(starts)
+        if len(search.found) < DIVERGED:
+            search.drop_transients()
+        return _assembled(search, box, sorted(search.found, key=lambda found: _rank(search, found)), None, starts)
 
 
 @singledispatch
@@ -165,8 +165,8 @@ def attractors_from(
         raise InputError("orbits", list(orbits), "of a system with a phase", "find_attractors finds those of others")
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
-    hunt = AttractorSearch(system, parameters, low, high, _checked_options(options))
-    hunt.find_caged()
+    search = AttractorSearch(system, parameters, low, high, _checked_options(options))
+    search.find_caged()
     chosen = []
     for name, orbit in orbits.items():
         if orbit.system != system or dict(orbit.parameters) != parameters:
@@ -175,8 +175,8 @@ def attractors_from(
         if not orbit.stable or not orbit.admissible:
             said = "unstable" if not orbit.stable else "; ".join(orbit.reasons)
             raise InputError(f"orbit {name!r}", said, "an attractor: a stable orbit that is a motion")
-        chosen.append(hunt.as_found(orbit))
-    return _assembled(hunt, box, chosen, tuple(orbits), np.empty((0, len(box))))
+        chosen.append(search.as_found(orbit))
+    return _assembled(search, box, chosen, tuple(orbits), np.empty((0, len(box))))
 
 
 def _checked_options(options: AttractorOptions | None) -> AttractorOptions:
@@ -205,13 +205,13 @@ def _checked_region(system: Definition, region: object) -> dict[str, tuple[float
     return box
 
 
-def _rank(hunt: AttractorSearch, found: Found) -> tuple[Any, ...]:
+def _rank(search: AttractorSearch, found: Found) -> tuple[Any, ...]:
     """Return the key that sorts attractors, whichever motion found them."""
-    regimes, regime = list(hunt.system.regimes), _regime(hunt.system, found)
+    regimes, regime = list(search.system.regimes), _regime(search.system, found)
     order = regimes.index(regime) if regime else len(regimes)
     centre, digits = (found.points[0], _DIGITS[0]) if found.period else (found.points.mean(axis=0), _DIGITS[1])
-    size = float(np.round(np.linalg.norm(centre / hunt.scale), digits))
-    place = (np.round(centre / hunt.scale, digits) + 0.0).tolist()
+    size = float(np.round(np.linalg.norm(centre / search.scale), digits))
+    place = (np.round(centre / search.scale, digits) + 0.0).tolist()
     return order, len(found.visited), found.touches, found.period or np.inf, found.kind, size, place
 
 
@@ -224,7 +224,7 @@ def _named(system: Definition, found: list[Found]) -> tuple[str, ...]:
 
 
 def _assembled(
-    hunt: AttractorSearch,
+    search: AttractorSearch,
     box: dict[str, tuple[float, float]],
     found: list[Found],
     names: tuple[str, ...] | None,
@@ -232,21 +232,21 @@ def _assembled(
 ) -> Attractors:
     if len(found) >= DIVERGED:
         raise InputError("region", box, "one with fewer attractors", f"{len(found)} were found")
-    built = Building(hunt, found)
+    built = Building(search, found)
     traps = built.traps()
     while built.transients:
         found = [each for label, each in enumerate(found) if label not in built.transients]
-        built = Building(hunt, found)
+        built = Building(search, found)
         traps = built.traps()
-    names = names or _named(hunt.system, found)
-    labels, periods = hunt.ensemble.settle(starts, traps, hunt.options.longest)
-    hunt.reporter.finish()
+    names = names or _named(search.system, found)
+    labels, periods = search.ensemble.settle(starts, traps, search.options.longest)
+    search.reporter.finish()
     outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}
     return Attractors(
-        hunt.system,
-        hunt.system.resolve(hunt.parameters),
+        search.system,
+        search.system.resolve(search.parameters),
         box,
-        hunt.interval,
+        search.interval,
         names,
         {name: each.kind for name, each in zip(names, found, strict=True)},
         {name: each.points for name, each in zip(names, found, strict=True)},
@@ -257,5 +257,5 @@ def _assembled(
         built.error,
         {name: each.decay for name, each in zip(names, found, strict=True) if math.isfinite(each.decay)},
         int(periods[labels < DIVERGED].max(initial=0)),
-        tuple(hunt.scale.tolist()),
+        tuple(search.scale.tolist()),
     )
