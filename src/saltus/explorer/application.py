@@ -23,25 +23,14 @@ class Application:
     """An application, as far as the explorer shows it.
 
     Its functions are handed to other processes: each must stand in a module.
-
-    Attributes
-    ----------
-    titles : mapping of str to str
-        The models by key, with a line for each.
-    make : callable
-        Returns the `Subject` of a key.
-    readings : callable
-        Returns what an instrument shows of an orbit, by name; empty for an orbit of another system.
-    films : callable
-        Returns whether orbits of a system can be filmed.
-    film : callable
-        Films an orbit: called with the orbit, the file's path and ``progress``, it returns the path.
     """
 
-    titles: Mapping[str, str]
-    make: Callable[[str], Subject]
+    titles: Mapping[str, str]  # the models by key, with a line for each
+    make: Callable[[str], Subject]  # returns the `Subject` of a key
+    # returns what an instrument shows of an orbit, by name; empty for an orbit of another system
     readings: Callable[[PeriodicOrbit], Mapping[str, Any]]
-    films: Callable[[HybridSystem], bool]
+    films: Callable[[HybridSystem], bool]  # returns whether orbits of a system can be filmed
+    # films an orbit: called with the orbit, the file's path and ``progress``, it returns the path
     film: Callable[..., Path]
 
     def subject(self, key: str) -> Subject:

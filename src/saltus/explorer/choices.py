@@ -26,23 +26,13 @@ _FOLLOWED: Mapping[str, tuple[str, ...]] = {
 
 
 class Choices(NamedTuple):
-    """What a selected solution allows.
+    """What a selected solution allows."""
 
-    Attributes
-    ----------
-    what : str
-        ``"orbit"`` or ``"equilibrium"``; empty where nothing is selected.
-    resume : bool
-        Whether a branch can be followed through it.
-    switch : str
-        What is followed after a change of branch, ``"orbit"`` or ``"equilibrium"``; empty where there is none.
-    follow, cascade, film : bool
-        Whether its locus, its cascade can be followed, whether it can be filmed.
-    """
-
-    what: str = ""
-    resume: bool = False
+    what: str = ""  # ``"orbit"`` or ``"equilibrium"``; empty where nothing is selected
+    resume: bool = False  # whether a branch can be followed through it
+    # what is followed after a change of branch, ``"orbit"`` or ``"equilibrium"``; empty where there is none
     switch: str = ""
+    # follow, cascade, film: whether its locus, its cascade can be followed, whether it can be filmed
     follow: bool = False
     cascade: bool = False
     film: bool = False

@@ -22,24 +22,12 @@ __all__ = ["Desk", "Job", "Listener"]
 
 @dataclass(frozen=True)
 class Job:
-    """A piece of work under way.
+    """A piece of work under way."""
 
-    Attributes
-    ----------
-    what : str
-        What is done, in words.
-    step : Step or None
-        The step; None for a film.
-    done : callable or None
-        Called with the entry of a step, or the path of a film.
-    replaces : str
-        Name of a result that this one replaces.
-    """
-
-    what: str
-    step: Step | None = None
-    done: Callable[[Any], None] | None = None
-    replaces: str = ""
+    what: str  # what is done, in words
+    step: Step | None = None  # the step; None for a film
+    done: Callable[[Any], None] | None = None  # called with the entry of a step, or the path of a film
+    replaces: str = ""  # name of a result that this one replaces
 
 
 class Listener:

@@ -46,27 +46,15 @@ class Mark:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A result on the axes of the diagram.
+    """A result on the axes of the diagram."""
 
-    Attributes
-    ----------
-    strands : tuple of Strand
-        Its curve.
-    marks : tuple of Mark
-        Its special points.
-    points : ndarray, shape (point, 2)
-        Places of its points, which can be selected; row `i` is point `i`.
-    stable : ndarray of bool, shape (point,)
-        Whether each is stable.
-    dots : ndarray, shape (dot, 2)
-        Points of a sweep.
-    """
-
-    strands: tuple[Strand, ...] = ()
-    marks: tuple[Mark, ...] = ()
+    strands: tuple[Strand, ...] = ()  # its curve
+    marks: tuple[Mark, ...] = ()  # its special points
+    # shape (point, 2): places of its points, which can be selected; row `i` is point `i`
     points: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    # shape (point,): whether each is stable
     stable: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
-    dots: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    dots: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))  # shape (dot, 2): points of a sweep
 
 
 def default_axes(system: HybridSystem, parameter: str) -> tuple[str, str]:

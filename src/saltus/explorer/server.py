@@ -36,21 +36,11 @@ _COOKIE = "saltus_token"
 
 @dataclass(frozen=True)
 class Address:
-    """Where the server listens.
+    """Where the server listens."""
 
-    Attributes
-    ----------
-    host : str
-        An address of this machine.
-    port : int
-        The port; 0 for a free one.
-    token : str
-        What a browser must know.
-    """
-
-    host: str = "127.0.0.1"
-    port: int = 0
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    host: str = "127.0.0.1"  # an address of this machine
+    port: int = 0  # the port; 0 for a free one
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))  # what a browser must know
 
     @property
     def names(self) -> frozenset[str]:

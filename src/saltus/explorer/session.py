@@ -34,61 +34,27 @@ _ID = re.compile(r"[0-9a-f]{12}")  # what a session's folder is called
 
 @dataclass(frozen=True)
 class Entry:
-    """One step that was taken.
+    """One step that was taken."""
 
-    Attributes
-    ----------
-    name : str
-        What the result is called, as ``"branch1"``.
-    step : Step
-        The call.
-    result : Result
-        What it returned.
-    seconds : float
-        How long it took.
-    notes : tuple of str
-        Warnings that came meanwhile.
-    """
-
-    name: str
-    step: Step
-    result: Result
-    seconds: float = 0.0
-    notes: tuple[str, ...] = ()
+    name: str  # what the result is called, as ``"branch1"``
+    step: Step  # the call
+    result: Result  # what it returned
+    seconds: float = 0.0  # how long it took
+    notes: tuple[str, ...] = ()  # warnings that came meanwhile
 
 
 @dataclass
 class Settings:
-    """What is set on the page, apart from the results.
+    """What is set on the page, apart from the results."""
 
-    Attributes
-    ----------
-    parameters : dict of str to float
-        Values of the fields.
-    x0 : tuple of float
-        Start state.
-    mode : str or None
-        Mode of the start.
-    sets : dict of str to dict
-        Values of parameters and start, saved by name.
-    axes : tuple of str
-        What the diagram shows: abscissa and ordinate; empty for the default ones.
-    planes : tuple of str
-        What the phase portrait shows.
-    selected : Place or None
-        The solution that the right side shows.
-    hidden : set of str
-        Names of results that are not drawn.
-    """
-
-    parameters: dict[str, float]
-    x0: tuple[float, ...]
-    mode: str | None = None
-    sets: dict[str, dict[str, Any]] = field(default_factory=dict)
-    axes: tuple[str, ...] = ()
-    planes: tuple[str, ...] = ()
-    selected: Place | None = None
-    hidden: set[str] = field(default_factory=set)
+    parameters: dict[str, float]  # values of the fields
+    x0: tuple[float, ...]  # start state
+    mode: str | None = None  # mode of the start
+    sets: dict[str, dict[str, Any]] = field(default_factory=dict)  # values of parameters and start, saved by name
+    axes: tuple[str, ...] = ()  # what the diagram shows: abscissa and ordinate; empty for the default ones
+    planes: tuple[str, ...] = ()  # what the phase portrait shows
+    selected: Place | None = None  # the solution that the right side shows
+    hidden: set[str] = field(default_factory=set)  # names of results that are not drawn
 
 
 class Session:

@@ -29,24 +29,12 @@ EXTREMES = ("min", "max")
 
 @dataclass(frozen=True)
 class Traits:
-    """What the page must know of a solution to go on from it.
+    """What the page must know of a solution to go on from it."""
 
-    Attributes
-    ----------
-    what : str
-        What a branch through it is a branch of, as ``"orbit"``; empty where none can be followed.
-    spectrum : str
-        What the numbers are called that decide whether it is stable.
-    values : ndarray of complex
-        These numbers.
-    interval : float
-        Time between two looks at motions nearby, where the system has no phase.
-    """
-
-    what: str = ""
-    spectrum: str = ""
-    values: NDArray[np.complex128] = field(default_factory=lambda: np.empty(0, complex))
-    interval: float = 2.0 * np.pi
+    what: str = ""  # what a branch through it is a branch of, as ``"orbit"``; empty where none can be followed
+    spectrum: str = ""  # what the numbers are called that decide whether it is stable
+    values: NDArray[np.complex128] = field(default_factory=lambda: np.empty(0, complex))  # these numbers
+    interval: float = 2.0 * np.pi  # time between two looks at motions nearby, where the system has no phase
 
 
 @singledispatch
@@ -68,20 +56,12 @@ def _(rest: Equilibrium) -> Traits:
 
 @dataclass(frozen=True)
 class Path:
-    """A motion as curves in two quantities.
+    """A motion as curves in two quantities."""
 
-    Attributes
-    ----------
-    curves : list of ndarray, shape (vertex, 2)
-        The curve, cut at events and where an angle passes 2 pi.
-    modes : list of int
-        The mode of each curve.
-    events : ndarray, shape (event, 2)
-        Where events are; of what does not flow, as an equilibrium, where it is.
-    """
-
+    # shape (vertex, 2): the curve, cut at events and where an angle passes 2 pi
     curves: list[NDArray[np.float64]] = field(default_factory=list)
-    modes: list[int] = field(default_factory=list)
+    modes: list[int] = field(default_factory=list)  # the mode of each curve
+    # shape (event, 2): where events are; of what does not flow, as an equilibrium, where it is
     events: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
 
 

@@ -20,21 +20,11 @@ __all__ = ["Outcome", "prepare", "take", "warm"]
 
 
 class Outcome(NamedTuple):
-    """What came of a step.
-
-    Attributes
-    ----------
-    result : Result
-        The result.
-    seconds : float
-        How long it took.
-    notes : tuple of str
-        Warnings that came meanwhile.
-    """
+    """What came of a step."""
 
     result: Result
-    seconds: float
-    notes: tuple[str, ...]
+    seconds: float  # how long it took
+    notes: tuple[str, ...]  # warnings that came meanwhile
 
 
 def prepare() -> None:

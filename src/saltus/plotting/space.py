@@ -42,19 +42,12 @@ _TICKS = 5  # most intervals between ticks on an axis
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of a branch or of a locus of one kind, both ends included.
+    """A stretch of a branch or of a locus of one kind, both ends included."""
 
-    Attributes
-    ----------
-    kind : str
-        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria, orbits of maps). On a locus
-        critical multipliers or eigenvalues do not count.
-    places : ndarray, shape (quantity, vertex)
-        Vertices of the curve.
-    """
-
+    # ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria, orbits of maps). On a locus
+    # critical multipliers or eigenvalues do not count.
     kind: str
-    places: NDArray[np.float64]
+    places: NDArray[np.float64]  # shape (quantity, vertex): vertices of the curve
 
 
 @singledispatch

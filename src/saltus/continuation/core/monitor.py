@@ -16,31 +16,22 @@ _GRAZINGS = ("margin", "side", "duration", "rate")  # kinds that vanish at grazi
 class Monitor(NamedTuple):
     """A monitor function of a branch or of a locus.
 
-    Attributes
-    ----------
-    kind : str
-        The type of special point at its zeros, ``low`` or ``high`` for a bound, ``event`` for a user's event that asks
-        for a value. At a grazing ``margin`` (least distance of a segment from a surface) or ``side`` (distance of a
-        segment that is equally far throughout). Also ``duration`` (of a segment that starts on its own event) or
-        ``rate`` (velocity at the event that ends a segment).
-    segment : int
-        Index of the segment; for a bound or TP of the parameter, for TR of the multiplier, for a user's event (EX
-        among them) of the event; -1 for none.
-    transition : int
-        Index of the transition whose surface is meant; -1 for none.
-    side : str
-        Signature at a grazing in which the orbit bifurcates, ``larger`` or ``smaller``; empty for none.
-
     Examples
     --------
     >>> print(Monitor("margin", 2, 0), Monitor("SN"), Monitor("SN", side="larger"), sep=", ")
     margin 2 0, SN, SN larger
     """
 
+    # the type of special point at its zeros, ``low`` or ``high`` for a bound, ``event`` for a user's event that asks
+    # for a value. At a grazing ``margin`` (least distance of a segment from a surface) or ``side`` (distance of a
+    # segment that is equally far throughout). Also ``duration`` (of a segment that starts on its own event) or ``rate``
+    # (velocity at the event that ends a segment).
     kind: str
+    # index of the segment; for a bound or TP of the parameter, for TR of the multiplier, for a user's event (EX among
+    # them) of the event; -1 for none
     segment: int = -1
-    transition: int = -1
-    side: str = ""
+    transition: int = -1  # index of the transition whose surface is meant; -1 for none
+    side: str = ""  # signature at a grazing in which the orbit bifurcates, ``larger`` or ``smaller``; empty for none
 
     def __str__(self) -> str:
         numbers = (str(number) for number in (self.segment, self.transition) if number >= 0)

@@ -83,65 +83,31 @@ class ZeroProblem(Protocol):
 
 @dataclass(frozen=True)
 class Examined:
-    """Result of examining a point.
+    """Result of examining a point."""
 
-    Attributes
-    ----------
-    monitors : mapping
-        Monitor functions.
-    fault : str or None
-        Why the point may not follow the point before.
-    data : object
-        What the problem knows of the point.
-    doubled : frozenset
-        Names of the monitor functions that are known to touch 0 in the step to the point, without changing their sign.
-    """
-
-    monitors: Mapping[Any, float]
-    fault: str | None = None
-    data: Any = None
+    monitors: Mapping[Any, float]  # monitor functions
+    fault: str | None = None  # why the point may not follow the point before
+    data: Any = None  # what the problem knows of the point
+    # names of the monitor functions that are known to touch 0 in the step to the point, without changing their sign
     doubled: frozenset[Any] = frozenset()
 
 
 @dataclass(eq=False)
 class Point:
-    """A point of a branch.
+    """A point of a branch."""
 
-    Attributes
-    ----------
-    u : ndarray, shape (m + 1,)
-        Unknowns, the parameter last.
-    J : ndarray, shape (m, m + 1)
-        Jacobian.
-    tangent : ndarray, shape (m + 1,)
-        Tangent of unit arclength.
-    weights : ndarray, shape (m + 1,)
-        Weights of the arclength.
-    sign, log : float
-        Sign and logarithm of the determinant of the Jacobian bordered by the tangent.
-    residual : float
-        Residual of the equations.
-    iterations : int
-        Newton iterations to the point.
-    arc : float
-        Arclength from the start.
-    examined : Examined
-        Result of `ZeroProblem.examine`.
-    frame : object
-        Data of the problem that normalises its equations at the point, as a phase plane.
-    """
-
-    u: NDArray[np.float64]
-    J: NDArray[np.float64]
-    tangent: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    u: NDArray[np.float64]  # shape (m + 1,): unknowns, the parameter last
+    J: NDArray[np.float64]  # shape (m, m + 1): Jacobian
+    tangent: NDArray[np.float64]  # shape (m + 1,): tangent of unit arclength
+    weights: NDArray[np.float64]  # shape (m + 1,): weights of the arclength
+    # sign, log: sign and logarithm of the determinant of the Jacobian bordered by the tangent
     sign: float
     log: float
-    residual: float
-    iterations: int = 0
-    arc: float = 0.0
-    examined: Examined = field(default_factory=lambda: Examined({}))
-    frame: Any = None
+    residual: float  # residual of the equations
+    iterations: int = 0  # Newton iterations to the point
+    arc: float = 0.0  # arclength from the start
+    examined: Examined = field(default_factory=lambda: Examined({}))  # result of `ZeroProblem.examine`
+    frame: Any = None  # data of the problem that normalises its equations at the point, as a phase plane
 
     @property
     def parameter(self) -> float:

@@ -114,21 +114,12 @@ def follow_cascade(
 
 
 class Doubling(NamedTuple):
-    """How the doublings of one kind of solution are followed.
+    """How the doublings of one kind of solution are followed."""
 
-    Attributes
-    ----------
-    double : callable
-        Makes the solution of doubled period beside a PD, at a level of the cascade.
-    border : str
-        Type of special points beyond which doublings belong to other solutions.
-    cascade : type
-        What comes back.
-    """
-
+    # makes the solution of doubled period beside a PD, at a level of the cascade
     double: Callable[[SpecialPoint[Any], int], Any]
-    border: str
-    cascade: type[Any]
+    border: str  # type of special points beyond which doublings belong to other solutions
+    cascade: type[Any]  # what comes back
 
 
 @singledispatch

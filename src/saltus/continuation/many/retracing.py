@@ -31,20 +31,11 @@ class Retraced:
 
     Sheets that appear in between are not on these branches. So `anew` traces a curve from its beginning, where the
     caller doubts what was found.
-
-    Attributes
-    ----------
-    branches : tuple of Branch
-        The branches known last.
-    follow : callable
-        Returns the branch through an orbit, given the one known before.
-    whole : callable or None
-        Returns all branches at other parameters, found without those known before.
     """
 
-    branches: tuple[Branch, ...]
-    follow: Follow
-    whole: Trace | None = None
+    branches: tuple[Branch, ...]  # the branches known last
+    follow: Follow  # returns the branch through an orbit, given the one known before
+    whole: Trace | None = None  # returns all branches at other parameters, found without those known before
 
     def __call__(self, changes: Mapping[str, float]) -> tuple[Branch, ...]:
         """Return the branches at other parameters.

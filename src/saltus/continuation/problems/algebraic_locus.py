@@ -35,30 +35,15 @@ _LONG = 2.0  # length of the null vector from which on its borders are taken ane
 
 @dataclass(frozen=True)
 class LocusData:
-    """Data of a point of a locus.
+    """Data of a point of a locus."""
 
-    Attributes
-    ----------
-    values : ndarray of complex
-        Eigenvalues, or multipliers.
-    unstable : int
-        How many are unstable; critical ones are not counted.
-    reasons : tuple of str
-        Why the solution is virtual.
-    coefficient : float
-        Coefficient of the normal form; NaN where the type of the locus has none.
-    frequency : float
-        Imaginary part of the critical pair of eigenvalues, in radians per unit of time; NaN where there is none.
-    angle : float
-        Angle of the critical pair of multipliers, in radians; NaN where there is none.
-    """
-
-    values: NDArray[np.complex128]
-    unstable: int
-    reasons: tuple[str, ...] = ()
-    coefficient: float = math.nan
+    values: NDArray[np.complex128]  # eigenvalues, or multipliers
+    unstable: int  # how many are unstable; critical ones are not counted
+    reasons: tuple[str, ...] = ()  # why the solution is virtual
+    coefficient: float = math.nan  # coefficient of the normal form; NaN where the type of the locus has none
+    # imaginary part of the critical pair of eigenvalues, in radians per unit of time; NaN where there is none
     frequency: float = math.nan
-    angle: float = math.nan
+    angle: float = math.nan  # angle of the critical pair of multipliers, in radians; NaN where there is none
 
     @property
     def stable(self) -> bool:

@@ -38,34 +38,18 @@ _CRITICAL = 1e-3  # distance of a start from its critical condition up to which 
 
 @dataclass(frozen=True, eq=False)
 class CriticalOrbit:
-    """A critical orbit with some parameters active.
+    """A critical orbit with some parameters active."""
 
-    Attributes
-    ----------
-    kind : str
-        ``SN``, ``PD``, ``TR``, ``BP`` or ``GR``.
-    orbit : PeriodicOrbit
-        The orbit.
-    names : tuple of str
-        The active parameters, in the system's order.
-    scales, values : ndarray, shape (active,)
-        Their units, and their values in these.
-    sizes : ndarray or None
-        Sizes of the states on the orbits nearby, where the orbit itself may be at rest.
-    varied : tuple of str
-        Of a branch point the parameter along which branches meet.
-    on_grazing : bool
-        Whether multipliers may belong to another signature.
-    """
-
-    kind: str
+    kind: str  # ``SN``, ``PD``, ``TR``, ``BP`` or ``GR``
     orbit: PeriodicOrbit
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # the active parameters, in the system's order
+    # scales, values: shape (active,): their units, and their values in these
     scales: NDArray[np.float64]
     values: NDArray[np.float64]
+    # sizes of the states on the orbits nearby, where the orbit itself may be at rest
     sizes: NDArray[np.float64] | None = None
-    varied: tuple[str, ...] = ()
-    on_grazing: bool = False
+    varied: tuple[str, ...] = ()  # of a branch point the parameter along which branches meet
+    on_grazing: bool = False  # whether multipliers may belong to another signature
 
     def extended(self) -> tuple[OrbitProblem, NDArray[np.float64], Condition, NDArray[np.float64]]:
         """Return equations and unknowns, the condition, and a guess of its further unknowns.

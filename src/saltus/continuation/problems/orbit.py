@@ -62,23 +62,12 @@ _CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it 
 
 @dataclass(frozen=True)
 class OrbitData:
-    """Data of a point of a branch.
+    """Data of a point of a branch."""
 
-    Attributes
-    ----------
-    survey : Survey
-        Dense survey of the orbit.
-    multipliers : ndarray of complex, shape (states,)
-        Floquet multipliers, largest first.
-    unstable : int
-        Number of unstable multipliers.
-    followed : tuple of complex
-        Multipliers without the trivial one, each at the index of its predecessor at the point before.
-    """
-
-    survey: Survey
-    multipliers: NDArray[np.complex128]
-    unstable: int
+    survey: Survey  # dense survey of the orbit
+    multipliers: NDArray[np.complex128]  # shape (states,): Floquet multipliers, largest first
+    unstable: int  # number of unstable multipliers
+    # multipliers without the trivial one, each at the index of its predecessor at the point before
     followed: tuple[complex, ...] = ()
 
 

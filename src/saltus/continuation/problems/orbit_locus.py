@@ -54,25 +54,14 @@ _TOUCHED = 1e-10  # margin, over the size of the events, up to which a GR locus 
 
 @dataclass(frozen=True)
 class LocusData:
-    """Data of a point of a locus.
+    """Data of a point of a locus."""
 
-    Attributes
-    ----------
-    survey, multipliers
-        As in `OrbitData`.
-    unstable : int
-        Number of unstable multipliers, the critical ones left out.
-    angle : float
-        Angle of the critical multipliers in radians; NaN on a GR or BP locus.
-    coefficient : float
-        Test function of CP, GPD or CH, over its size at the start; NaN on other loci.
-    """
-
+    # survey, multipliers: as in `OrbitData`
     survey: Survey
     multipliers: NDArray[np.complex128]
-    unstable: int
-    angle: float
-    coefficient: float
+    unstable: int  # number of unstable multipliers, the critical ones left out
+    angle: float  # angle of the critical multipliers in radians; NaN on a GR or BP locus
+    coefficient: float  # test function of CP, GPD or CH, over its size at the start; NaN on other loci
 
 
 _Special = tuple[dict[Monitor, float], LocusData | None]

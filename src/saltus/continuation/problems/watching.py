@@ -22,17 +22,9 @@ _STEP = 1e-3  # arclength of a step by which a quantity of a point is differenti
 
 @dataclass(frozen=True)
 class Watched:
-    """A quantity and the value that it is to pass.
+    """A quantity and the value that it is to pass."""
 
-    Attributes
-    ----------
-    quantity : Quantity
-        What is watched.
-    value : float
-        The value.
-    """
-
-    quantity: Quantity
+    quantity: Quantity  # what is watched
     value: float
 
     def distance(self, problem: OrbitProblem, u: NDArray[np.float64]) -> float:

@@ -38,23 +38,13 @@ _START = {"special": "start.point", "special_ragged": "start.ragged", "tangent_r
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Doublings(Result):
-    """Successive period doublings along a parameter: the base of `Cascade` and `MapCascade`.
+    """Successive period doublings along a parameter: the base of `Cascade` and `MapCascade`."""
 
-    Attributes
-    ----------
-    start : SpecialPoint
-        The first doubling, a PD of a branch.
-    branches : tuple of Branch or of MapBranch
-        The branch of doubled orbits from each doubling to the next; the last may end without one.
-    stopped : str
-        Why the cascade ended.
-    options : mapping
-        Arguments of `follow_cascade`: ``bounds``, ``doublings`` and ``steps`` (the fields of `StepControl`).
-    """
-
-    start: SpecialPoint[Any]
+    start: SpecialPoint[Any]  # the first doubling, a PD of a branch
+    # the branch of doubled orbits from each doubling to the next; the last may end without one
     branches: tuple[Any, ...]
-    stopped: str
+    stopped: str  # why the cascade ended
+    # arguments of `follow_cascade`: ``bounds``, ``doublings`` and ``steps`` (the fields of `StepControl`)
     options: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -142,25 +142,14 @@ def _between(
 
 
 class Node(NamedTuple):
-    """A point or special point of a branch.
+    """A point or special point of a branch."""
 
-    Attributes
-    ----------
-    arclength, value : float
-        Where it is, and its parameter.
-    which : int
-        Which point or special point it is.
-    is_special : bool
-        Whether it is a special point.
-    turns : bool
-        Whether the parameter turns there.
-    """
-
+    # arclength, value: where it is, and its parameter
     arclength: float
     value: float
-    which: int
-    is_special: bool
-    turns: bool
+    which: int  # which point or special point it is
+    is_special: bool  # whether it is a special point
+    turns: bool  # whether the parameter turns there
 
 
 def _crossings(curve: OneParameterCurve[Solved], value: float) -> Iterator[tuple[Node, Node, float]]:

@@ -39,21 +39,11 @@ _SAME_STATE = 1e-4  # the same of the states, over their ranges in the diagram
 
 
 class Origin(NamedTuple):
-    """How a branch of a diagram was reached.
+    """How a branch of a diagram was reached."""
 
-    Attributes
-    ----------
-    parent : int
-        Index of the branch that it leaves; -1 for a branch through a start.
-    label : str
-        Label of the special point on that branch; empty for a start.
-    depth : int
-        Number of special points between the branch and a start.
-    """
-
-    parent: int
-    label: str
-    depth: int
+    parent: int  # index of the branch that it leaves; -1 for a branch through a start
+    label: str  # label of the special point on that branch; empty for a start
+    depth: int  # number of special points between the branch and a start
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,15 +26,9 @@ __all__ = ["OneParameter", "TwoParameters"]
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class OneParameter(SolutionCurve[Solved]):
-    """What branches have: one parameter that varies.
+    """What branches have: one parameter that varies."""
 
-    Attributes
-    ----------
-    parameter : str
-        The parameter. Its values along the branch are in `values`, shape (point,).
-    """
-
-    parameter: str
+    parameter: str  # the parameter. Its values along the branch are in `values`, shape (point,).
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -88,20 +82,11 @@ class OneParameter(SolutionCurve[Solved]):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class TwoParameters(SolutionCurve[Solved]):
-    """What loci have: a type, and two parameters that vary.
+    """What loci have: a type, and two parameters that vary."""
 
-    Attributes
-    ----------
-    type : str
-        Type of the locus' points.
-    names : tuple of str
-        The two parameters. Their values along the locus are in `values`, shape (point, 2).
-    coefficient : ndarray, shape (point,)
-        Coefficient of the normal form; NaN where the type has none.
-    """
-
-    type: str
-    names: tuple[str, str]
+    type: str  # type of the locus' points
+    names: tuple[str, str]  # the two parameters. Their values along the locus are in `values`, shape (point, 2).
+    # shape (point,): coefficient of the normal form; NaN where the type has none
     coefficient: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     told: ClassVar[tuple[str, ...]] = ("coefficient",)  # columns that only loci have

@@ -41,24 +41,12 @@ _MAP_ORBITS = ("SN", "PD", "TR", "BC")  # the same, of orbits of maps
 
 
 class Place(NamedTuple):
-    """What is asked of a special point.
+    """What is asked of a special point."""
 
-    Attributes
-    ----------
-    kind : str
-        Its type.
-    along : str
-        The parameter of its branch.
-    others : tuple of str
-        Parameters that change.
-    sizes : ndarray or None
-        Typical sizes of the states, where they are known.
-    """
-
-    kind: str
-    along: str
-    others: tuple[str, ...]
-    sizes: NDArray[np.float64] | None = None
+    kind: str  # its type
+    along: str  # the parameter of its branch
+    others: tuple[str, ...]  # parameters that change
+    sizes: NDArray[np.float64] | None = None  # typical sizes of the states, where they are known
 
     def active(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the parameter of the branch and the others, in the system's order."""

@@ -31,18 +31,10 @@ _ROUNDING = 1e-6  # the same over the orbit's size, that may be rounding
 
 
 class Stretch(NamedTuple):
-    """Consecutive stable motions of a branch, along which the parameter grows or falls all the time.
+    """Consecutive stable motions of a branch, along which the parameter grows or falls all the time."""
 
-    Attributes
-    ----------
-    sheet : int
-        The branch.
-    points : tuple of int
-        Its points, in the order of growing parameter.
-    """
-
-    sheet: int
-    points: tuple[int, ...]
+    sheet: int  # the branch
+    points: tuple[int, ...]  # its points, in the order of growing parameter
 
 
 def stretches_of(branches: Sequence[Branch]) -> list[Stretch]:
@@ -83,24 +75,13 @@ class _Node(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """Stable orbits over an interval of the parameter.
+    """Stable orbits over an interval of the parameter."""
 
-    Attributes
-    ----------
-    branch : Branch
-        The branch they belong to.
-    points : tuple of int
-        Its points, in the order of growing parameter.
-    ends : (SpecialPoint or None, SpecialPoint or None)
-        Special points at the lower and at the upper end; None where the branch just ends.
-    number : int
-        Its number among all sheets.
-    """
-
-    branch: Branch
-    points: tuple[int, ...]
+    branch: Branch  # the branch they belong to
+    points: tuple[int, ...]  # its points, in the order of growing parameter
+    # special points at the lower and at the upper end; None where the branch just ends
     ends: tuple[SpecialPoint | None, SpecialPoint | None]
-    number: int
+    number: int  # its number among all sheets
 
     @cached_property
     def bounds(self) -> tuple[float, float]:

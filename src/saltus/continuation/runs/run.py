@@ -25,24 +25,12 @@ Going = tuple[Any, "Point", float]  # equations, point and first step with which
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of a curve of any kind.
+    """What is asked of a curve of any kind."""
 
-    Attributes
-    ----------
-    control : StepControl
-        Sizes of steps and their limits.
-    directions : {"both", "up", "down"}
-        Which way the parameter goes at the start.
-    stops : set of str
-        Types of special points that end the curve.
-    reporter : Reporter
-        Who is told of each point.
-    """
-
-    control: StepControl
-    directions: str
-    stops: set[str]
-    reporter: Reporter
+    control: StepControl  # sizes of steps and their limits
+    directions: str  # {"both", "up", "down"}: which way the parameter goes at the start
+    stops: set[str]  # types of special points that end the curve
+    reporter: Reporter  # who is told of each point
 
 
 class Run(ABC):

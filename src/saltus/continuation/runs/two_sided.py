@@ -24,29 +24,14 @@ Start = TypeVar("Start")
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A special point of one direction.
+    """A special point of one direction."""
 
-    Attributes
-    ----------
-    name : str
-        Type, or the name of a user's event.
-    solution : Solution
-        The solution there; an orbit in the signature in which it is shown.
-    value : float
-        Test function.
-    after : int
-        Number of points of the direction before it.
-    arc : float
-        Arclength from the start.
-    of, tangent, kind, scale, homoclinic
-        As in `SpecialPoint`.
-    """
-
-    name: str
-    solution: Any
-    value: float
-    after: int
-    arc: float
+    name: str  # type, or the name of a user's event
+    solution: Any  # the solution there; an orbit in the signature in which it is shown
+    value: float  # test function
+    after: int  # number of points of the direction before it
+    arc: float  # arclength from the start
+    # of, tangent, kind, scale, homoclinic: as in `SpecialPoint`
     of: str = ""
     tangent: NDArray[np.float64] | None = None
     kind: str = ""
@@ -59,56 +44,27 @@ _AT_END = 1e-6  # distance from a curve's end, in arclength, up to which a turn 
 
 @dataclass
 class OneSide:
-    """Points and special points of one direction of a curve, and why it ended.
+    """Points and special points of one direction of a curve, and why it ended."""
 
-    Attributes
-    ----------
-    start : (piece, point)
-        Equations and point at which the curve starts.
-    first : Point
-        The same point, its tangent in this direction.
-    points : list of (piece, point)
-        Equations and point of each further point.
-    specials : list of Found
-        Special points, in order.
-    stopped : str
-        Why the direction ended; empty while it is followed.
-    closed, interrupted : bool
-        Whether it came back to its start; whether the user ended it.
-    """
-
-    start: tuple[Any, Point]
-    first: Point
-    points: list[Any] = field(default_factory=list)
-    specials: list[Found] = field(default_factory=list)
-    stopped: str = ""
+    start: tuple[Any, Point]  # equations and point at which the curve starts
+    first: Point  # the same point, its tangent in this direction
+    points: list[Any] = field(default_factory=list)  # equations and point of each further point
+    specials: list[Found] = field(default_factory=list)  # special points, in order
+    stopped: str = ""  # why the direction ended; empty while it is followed
+    # closed, interrupted: whether it came back to its start; whether the user ended it
     closed: bool = False
     interrupted: bool = False
 
 
 @dataclass
 class BothSides:
-    """Both directions of a curve in one order.
+    """Both directions of a curve in one order."""
 
-    Attributes
-    ----------
-    rows : list of (piece, point)
-        Equations and point of each point of the curve.
-    arcs : list of float
-        Arclength of each, from the start.
-    specials : list of (Found, position, arclength)
-        Special points, in order along the curve.
-    offset : int
-        Index of the start among the rows.
-    stopped : tuple of str
-        Why the curve ended, at its first and at its last point.
-    """
-
-    rows: list[Any]
-    arcs: list[float]
-    specials: list[tuple[Found, float, float]]
-    offset: int
-    stopped: tuple[str, str]
+    rows: list[Any]  # equations and point of each point of the curve
+    arcs: list[float]  # arclength of each, from the start
+    specials: list[tuple[Found, float, float]]  # special points, in order along the curve
+    offset: int  # index of the start among the rows
+    stopped: tuple[str, str]  # why the curve ended, at its first and at its last point
 
     def special_points(self, varied: tuple[str, ...], locus: str = "") -> SpecialPoints[Any]:
         """Return the special points, numbered by type."""

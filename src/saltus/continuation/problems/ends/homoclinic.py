@@ -61,24 +61,12 @@ _ALIKE = 0.2  # difference of extremes of arc and cycle, in sizes of the cycle
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """What a branch of cycles ends at.
+    """What a branch of cycles ends at."""
 
-    Attributes
-    ----------
-    type : str
-        ``HOM`` or ``SNIC``.
-    end : Homoclinic
-        Its equilibrium.
-    error : float
-        Last change of the parameter while it was located.
-    arc : Arc or None
-        The homoclinic orbit; None at a SNIC.
-    """
-
-    type: str
-    end: Homoclinic
-    error: float
-    arc: Arc | None = None
+    type: str  # ``HOM`` or ``SNIC``
+    end: Homoclinic  # its equilibrium
+    error: float  # last change of the parameter while it was located
+    arc: Arc | None = None  # the homoclinic orbit; None at a SNIC
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,25 +38,16 @@ _HALVINGS = 60  # bisections of the time in which the distance to a saddle shrin
 
 @dataclass(frozen=True, eq=False)
 class Saddle:
-    """A hyperbolic equilibrium with coordinates of its unstable and stable tangent spaces.
+    """A hyperbolic equilibrium with coordinates of its unstable and stable tangent spaces."""
 
-    Attributes
-    ----------
-    state : ndarray, shape (n,)
-        The equilibrium.
-    values : ndarray of complex, shape (n,)
-        Eigenvalues.
-    ways, coordinates : pair of ndarray
-        Of the unstable and of the stable space: columns that span it, and rows that give a difference's coordinates.
-    powers : pair of tuple of (complex, bool)
-        Eigenvalues of each space in the order of the coordinates, each with whether it belongs to a pair. Of a pair
-        only the upper one is listed.
-    """
-
-    state: NDArray[np.float64]
-    values: NDArray[np.complex128]
+    state: NDArray[np.float64]  # shape (n,): the equilibrium
+    values: NDArray[np.complex128]  # shape (n,): eigenvalues
+    # ways, coordinates: of the unstable and of the stable space: columns that span it, and rows that give a
+    # difference's coordinates
     ways: tuple[NDArray[np.float64], NDArray[np.float64]]
     coordinates: tuple[NDArray[np.float64], NDArray[np.float64]]
+    # eigenvalues of each space in the order of the coordinates, each with whether it belongs to a pair. Of a pair only
+    # the upper one is listed.
     powers: tuple[tuple[tuple[complex, bool], ...], tuple[tuple[complex, bool], ...]]
 
     @property
@@ -193,29 +184,14 @@ def saddle_node_near(
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """An arc that leaves a saddle and comes back to it, cut in pieces.
+    """An arc that leaves a saddle and comes back to it, cut in pieces."""
 
-    Attributes
-    ----------
-    problem : OrbitProblem
-        The flow in the pieces, as that of a closed orbit; its closing equations are not used.
-    u : ndarray, shape (size + 1,)
-        Each piece's initial state and duration, and the parameter.
-    saddle : Saddle
-        The equilibrium.
-    radius : float
-        Distance of start and end from the saddle, in its coordinates.
-    sizes : ndarray, shape (n,)
-        Typical sizes of the states.
-    leaves, comes : ndarray
-        Unstable coordinates of the start, and stable coordinates of the end.
-    """
-
-    problem: OrbitProblem
-    u: NDArray[np.float64]
-    saddle: Saddle
-    radius: float
-    sizes: NDArray[np.float64]
+    problem: OrbitProblem  # the flow in the pieces, as that of a closed orbit; its closing equations are not used
+    u: NDArray[np.float64]  # shape (size + 1,): each piece's initial state and duration, and the parameter
+    saddle: Saddle  # the equilibrium
+    radius: float  # distance of start and end from the saddle, in its coordinates
+    sizes: NDArray[np.float64]  # shape (n,): typical sizes of the states
+    # leaves, comes: unstable coordinates of the start, and stable coordinates of the end
     leaves: NDArray[np.float64]
     comes: NDArray[np.float64]
 

@@ -85,28 +85,15 @@ def _keeps_stability(point: Point, values: NDArray[np.complex128]) -> bool:
 
 
 class _Extrapolated(NamedTuple):
-    """Where cycles that shrink would come to rest.
+    """Where cycles that shrink would come to rest."""
 
-    Attributes
-    ----------
-    ahead : float
-        Change up to there of what differs by the square of the amplitude, over its change in the last step.
-    period, last : float
-        Period there, and of the last cycle.
-    centre : ndarray, shape (states,)
-        Centre of the last cycle.
-    near : float
-        Amplitude of the last cycle, over the states' sizes.
-    share : float
-        Most difference of the equilibrium from the extrapolation, over the distance from the last cycle.
-    """
-
-    ahead: float
+    ahead: float  # change up to there of what differs by the square of the amplitude, over its change in the last step
+    # period, last: period there, and of the last cycle
     period: float
     last: float
-    centre: NDArray[np.float64]
-    near: float
-    share: float
+    centre: NDArray[np.float64]  # shape (states,): centre of the last cycle
+    near: float  # amplitude of the last cycle, over the states' sizes
+    share: float  # most difference of the equilibrium from the extrapolation, over the distance from the last cycle
 
     @property
     def frequency(self) -> float:
