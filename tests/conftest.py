@@ -33,14 +33,14 @@ hypothesis.settings.load_profile("saltus")
 
 
 class Costs:
-    """How many functions Numba compiles in a run, how long that takes, and the memory of each process at its largest.
+    """How many functions are compiled in a run, how long that takes, and the memory of each process at its largest.
 
     Attributes
     ----------
     functions : int
         Functions lowered to machine code, in all processes.
     seconds : float
-        Time in Numba's compiler, in all processes.
+        Time in the compiler, in all processes.
     peaks : list of float
         Largest memory of each process that runs tests, in MiB; none where the system does not tell it.
     """
@@ -56,17 +56,20 @@ class Costs:
         let_numba_cache()
         from numba.core import event
 
+        from saltus.system.numba_tools.machine_code import LOWERED
+
         counter = self
 
         class Lowered(event.Listener):  # type: ignore[misc]
             def on_start(self, event: Any) -> None:
-                counter.functions += event.data["name"].startswith("native_lowering")
+                counter.functions += event.kind == LOWERED or event.data["name"].startswith("native_lowering")
 
             def on_end(self, event: Any) -> None:
                 """Nothing ends that is counted."""
 
         self._timer = event.TimingListener()
-        event.register("numba:run_pass", Lowered())
+        for kind in (LOWERED, "numba:run_pass"):
+            event.register(kind, Lowered())
         event.register("numba:compiler_lock", self._timer)
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:

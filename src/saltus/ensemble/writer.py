@@ -32,11 +32,14 @@ _CLEAR = 1e-12  # rate of an event function, over its terms, above which its sig
 _CLOSE = 1e-6  # event function at a landing, over its size, at most
 
 _HEAD = """
+from numba import float64, int64, types
+
 from saltus.ensemble.kernels.lanes import FAST, SCALAR, circular_cos, circular_sin, grown, halley, ld, polynomial
 from saltus.ensemble.kernels.lanes import products, rises_again, root, short_cos, short_sin, st
 from saltus.ensemble.labels import NL
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import cfunc, njit
 
+P = types.CPointer(float64)
 inner = dict(no_cpython_wrapper=True, no_cfunc_wrapper=True)
 LANE = {"fastmath": FAST, **SCALAR}
 lane = njit(**LANE, **inner)

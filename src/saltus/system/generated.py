@@ -117,6 +117,7 @@ def module_of(kind: Kind, system: Definition, *variant: object) -> ModuleType:
             let_numba_cache()
             module = ModuleType(name)
             module.__file__ = str(file)
+            module.__dict__["TEXT"] = text
             # Numba looks a module up by its name; the one that it finds keeps nothing alive
             sys.modules[name] = found = ModuleType(name)
             weakref.finalize(module, _forget, name, found)

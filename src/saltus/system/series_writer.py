@@ -52,8 +52,7 @@ class SeriesWriter(Writer):
                     for place, name in zip(places, series.columns, strict=False)
                 ]
             )
-        yield "\nfrom saltus.system.kernels.series import products\n"
-        yield self._function("series", branches).replace("**OPTIONS", "**OPTIONS, fastmath=FAST")
+        yield self._function("series", branches, "fast=True")
 
 
 class LinearWriter(Writer):

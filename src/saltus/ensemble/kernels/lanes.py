@@ -67,7 +67,7 @@ def floor(typingctx, number):
 def products(typingctx, *factors):
     """a0*b0 + a1*b1 + ... of factors in turn, each product added to the sum of those before: one instruction each.
 
-    Many lanes are at work at once, so that the length of a sum does not matter: see `saltus.system.kernels.series.products`.
+    Many lanes are at work at once, so that the length of a sum does not matter: see `saltus.system.numba_tools.lowering`.
     """
     pair = types.StarArgTuple.from_types(factors)
 

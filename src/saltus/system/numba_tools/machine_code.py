@@ -8,8 +8,8 @@ it calls, whose code it holds. What does not match is compiled and written anew.
 
 from __future__ import annotations
 
+import ast
 import hashlib
-import os
 import pickle
 import stat
 import sys
@@ -20,14 +20,19 @@ from types import FunctionType
 from typing import Any
 
 import numba
-from numba.core import sigutils
-from numba.core.caching import NullCache
+from numba.core import event, sigutils
+from numba.core.caching import FunctionCache
 from numba.core.ccallback import CFunc
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
+from numba.core.serialize import dumps
 
 from saltus.system.cache import read_checked, warn_not_kept, write_checked
+from saltus.system.numba_tools import lowering
 
-__all__ = ["cfunc", "keep_checked", "njit"]
+__all__ = ["LOWERED", "Generated", "cfunc", "generated", "keep_checked", "njit"]
+
+LOWERED = "saltus:lowered"  # kind of Numba's events that tell of a generated function's compilation
 
 
 def njit(**options: Any) -> Callable[[FunctionType], Any]:
@@ -51,22 +56,84 @@ def cfunc(signature: Any, **options: Any) -> Callable[[FunctionType], Any]:
     return compiled
 
 
+def generated(*, fast: bool = False) -> Callable[[FunctionType], Generated]:
+    """Return a decorator of generated functions ``(k, m, x, p, out)``; `fast` ones may fuse sums with products."""
+    return lambda function: Generated(function, fast)
+
+
 def keep_checked(compiler: Any, function: FunctionType) -> Any:
     """Return a compiler of Numba's, which from now on keeps code in checked files of the folder that Numba chooses."""
     if not hasattr(compiler, "enable_caching"):  # NUMBA_DISABLE_JIT: the function itself
         return compiler
-    try:
+    if (files := _files_of(function)) is not None:
         compiler.enable_caching()
+        compiler._cache._cache_file = files
+    return compiler
+
+
+def _files_of(function: FunctionType) -> _CheckedFiles | None:
+    """Return where a function's code is kept; None where there is no such place, or anybody can write there."""
+    try:
+        chosen = FunctionCache(function)
     except RuntimeError as error:  # no folder can be written: the code lives as long as the process
         warn_not_kept(Path(function.__code__.co_filename).parent, str(error))
-        return compiler
-    cache = compiler._cache
-    if os.path.isdir(cache.cache_path) and os.stat(cache.cache_path).st_mode & stat.S_IWOTH:
-        compiler._cache = NullCache()  # what anybody can write is not run
-        return compiler
-    base = cache._impl.filename_base  # the function's name, its first line and Python's version
-    cache._cache_file = _CheckedFiles(Path(cache.cache_path), base, function, cache._cache_file._dump)
-    return compiler
+        return None
+    folder = Path(chosen.cache_path)
+    if folder.is_dir() and folder.stat().st_mode & stat.S_IWOTH:
+        return None  # what anybody can write is not run
+    return _CheckedFiles(folder, chosen._impl.filename_base, function)  # its name, its first line, Python's version
+
+
+class Generated:
+    """A generated function, compiled when its address is first asked for, and kept in a checked file.
+
+    Its text is that of the file, or the global name ``TEXT``.
+    """
+
+    def __init__(self, function: FunctionType, fast: bool) -> None:
+        self._function, self._fast = function, fast
+        self._library: Any = None
+        self._address: int | None = None
+
+    @property
+    def address(self) -> int:
+        """Where the machine code begins; valid in this process, as long as this object lives."""
+        with global_compiler_lock:
+            if self._address is None:
+                self._library = self._compiled()
+                self._address = lowering.code_of(self._library, self._library.name)
+            return self._address
+
+    def _compiled(self) -> Any:
+        """Return the library, from the file or compiled now; the symbol has its name."""
+        codegen, text = cpu_target.target_context.codegen(), self._text()
+        sources = _digest(lowering.__file__), hashlib.sha256(text).hexdigest()
+        key = "generated", codegen.magic_tuple(), sources, self._fast
+        files = _files_of(self._function)
+        if files is not None and (found := files.load(key)) is not None:
+            return codegen.unserialize_library(found)
+        name = self._function.__name__
+        symbol = f"{name}_{hashlib.sha256(repr((key, self._function.__module__)).encode()).hexdigest()[:16]}"
+        with event.trigger_event(LOWERED, data={"name": name}):
+            library = lowering.library_of(_function_in(text, name), symbol, fast=self._fast)
+        if files is not None:
+            files.save(key, library.serialize_using_object_code())
+        return library
+
+    def _text(self) -> bytes:
+        text: bytes | None = self._function.__globals__.get("TEXT")
+        return Path(self._function.__code__.co_filename).read_bytes() if text is None else text
+
+
+def _function_in(text: bytes, name: str) -> ast.FunctionDef:
+    """Return the syntax tree of a function of a module's text."""
+    (found,) = (node for node in _parsed(text).body if isinstance(node, ast.FunctionDef) and node.name == name)
+    return found
+
+
+@lru_cache(maxsize=1)
+def _parsed(text: bytes) -> ast.Module:
+    return ast.parse(text)
 
 
 class _Callback(CFunc):
@@ -95,12 +162,10 @@ class _CheckedFiles:
         How their names begin.
     function : function
         The function to compile.
-    dumps : callable
-        Makes bytes of compiled code.
     """
 
-    def __init__(self, folder: Path, base: str, function: FunctionType, dumps: Callable[[Any], bytes]) -> None:
-        self._folder, self._base, self._function, self._dumps = folder, base, function, dumps
+    def __init__(self, folder: Path, base: str, function: FunctionType) -> None:
+        self._folder, self._base, self._function = folder, base, function
 
     def load(self, key: tuple[Any, ...]) -> Any:
         """Return what was saved under a key from the same sources; None where there is nothing of the kind."""
@@ -110,7 +175,7 @@ class _CheckedFiles:
 
     def save(self, key: tuple[Any, ...], data: Any) -> None:
         """Keep what was compiled."""
-        content = self._origin(key) + self._dumps(data)
+        content = self._origin(key) + dumps(data)
         try:
             write_checked(self._file(key), content)
         except OSError as error:

@@ -1,0 +1,309 @@
+"""Machine code of generated functions, without Numba's analysis of types: their text is a small language of floats.
+
+A generated function ``(k, m, x, p, out) -> None`` assigns arithmetic and elementary functions of floats to names and to
+entries of `out`. It branches on the integer `k` and loops over `m` columns. The type of each name is plain from the
+text, so that the text becomes LLVM code in one pass: ten times faster than by Numba, and with less memory. Elementary
+functions are those of Numba, and its optimisation follows. So the bits of the results are those of `numba.cfunc`
+with ``error_model="numpy"``. docs/decisions/0029-generated-code-is-lowered-directly.md has the measurement.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from typing import Any
+
+from llvmlite import ir
+from numba import float64, int64
+from numba.core import fastmathpass
+from numba.core.cpu_options import FastMathOptions
+from numba.core.registry import cpu_target
+
+__all__ = ["code_of", "library_of"]
+
+
+_DOUBLE, _INTEGER, _TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+_POINTER = _DOUBLE.as_pointer()
+_SIGNATURE = ir.FunctionType(ir.VoidType(), [_INTEGER, _INTEGER, _POINTER, _POINTER, _POINTER])
+
+_OF_FLOATS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
+_OF_INTEGERS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul"}
+_COMPARED = {ast.Eq: "==", ast.Gt: ">", ast.GtE: ">=", ast.Lt: "<", ast.LtE: "<="}
+_EXTREMES = {"max": ">", "min": "<"}
+
+_FAST = ("contract", "nsz")  # what the compiler may do with a fast function's sums: fuse products, ignore signs of 0
+_LATE = 3  # products of a sum that are added last, as they come last
+
+
+def code_of(library: Any, symbol: str) -> int:
+    """Return where a function's machine code begins; valid in this process, as long as the library lives."""
+    address = library.get_pointer_to_function(symbol)
+    if not address:
+        raise RuntimeError(f"{symbol} is not in the library {library.name}")
+    return int(address)
+
+
+def library_of(function: ast.FunctionDef, symbol: str, *, fast: bool) -> Any:
+    """Return a library of Numba's with the compiled function; the caller holds Numba's lock.
+
+    Parameters
+    ----------
+    function : ast.FunctionDef
+        The function ``(k, m, x, p, out)``.
+    symbol : str
+        What it is called among all that the process has compiled.
+    fast : bool
+        Whether sums may be fused with products.
+
+    Raises
+    ------
+    NotImplementedError
+        The text has something else than generated functions have.
+    """
+    context = _context()
+    library = context.codegen().create_library(symbol)
+    library.enable_object_caching()
+    module = library.create_ir_module(symbol)
+    with context.push_code_library(library):
+        _Lowering(context, ir.Function(module, _SIGNATURE, symbol)).lower(function)
+    if fast:
+        fastmathpass.rewrite_module(module, FastMathOptions(set(_FAST)))
+    library.add_ir_module(module)
+    library.finalize()
+    return library
+
+
+@cache
+def _context() -> Any:
+    """Return Numba's context of this processor, which knows how to lower the functions of `math`."""
+    context = cpu_target.target_context
+    context.refresh()
+    return context
+
+
+class _Lowering:
+    """A function that becomes LLVM code, statement after statement.
+
+    A name has one value at each place: what a branch or a loop assigns is not seen behind it.
+    """
+
+    def __init__(self, context: Any, code: ir.Function) -> None:
+        self._context, self._code = context, code
+        self._builder = ir.IRBuilder(code.append_basic_block())
+        self._names: dict[str, Any] = {}
+        self._outside: frozenset[str] = frozenset()  # names that a loop may not change
+        self._implementations: dict[Any, Callable[..., Any]] = {}
+        self._expressions: dict[type[ast.expr], Callable[[Any], Any]] = {
+            ast.Name: self._name,
+            ast.Constant: self._constant,
+            ast.Subscript: lambda node: self._builder.load(self._entry(node)),
+            ast.UnaryOp: self._negative,
+            ast.BinOp: self._operation,
+            ast.Compare: self._comparison,
+            ast.BoolOp: self._either,
+            ast.IfExp: self._choice,
+            ast.Call: self._call,
+        }
+
+    def lower(self, function: ast.FunctionDef) -> None:
+        """Write the code of a function."""
+        self._names = {argument.arg: value for argument, value in zip(function.args.args, self._code.args, strict=True)}
+        self._statements(function.body)
+        self._builder.ret_void()
+
+    # ---- statements ----
+
+    def _statements(self, body: Iterable[ast.stmt]) -> None:
+        for statement in body:
+            match statement:
+                case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                    if name in self._outside:
+                        raise NotImplementedError(f"a loop that changes {name}")
+                    self._names[name] = self._value(value)
+                case ast.Assign(targets=[ast.Subscript() as target], value=value):
+                    found = self._float(value)
+                    self._builder.store(found, self._entry(target))
+                case ast.If():
+                    self._branch(statement)
+                case ast.For(iter=ast.Call(func=ast.Name(id="range"), args=[stop]), target=ast.Name(id=counter)):
+                    self._loop(counter, stop, statement.body)
+                case ast.Pass() | ast.Expr(value=ast.Constant()):
+                    pass
+                case _:
+                    raise NotImplementedError(ast.unparse(statement))
+
+    def _blocks(self, count: int) -> list[ir.Block]:
+        return [self._code.append_basic_block() for _ in range(count)]
+
+    def _branch(self, statement: ast.If) -> None:
+        yes, no, behind = self._blocks(3)
+        self._builder.cbranch(self._value(statement.test), yes, no)
+        for block, body in ((yes, statement.body), (no, statement.orelse)):
+            before = dict(self._names)
+            self._builder.position_at_end(block)
+            self._statements(body)
+            self._builder.branch(behind)
+            self._names = before
+        self._builder.position_at_end(behind)
+
+    def _loop(self, counter: str, stop: ast.expr, body: Sequence[ast.stmt]) -> None:
+        test, inside, behind = self._blocks(3)
+        last, first = self._value(stop), self._builder.block
+        self._builder.branch(test)
+        self._builder.position_at_end(test)
+        index = self._builder.phi(_INTEGER)
+        index.add_incoming(_INTEGER(0), first)
+        self._builder.cbranch(self._builder.icmp_signed("<", index, last), inside, behind)
+        self._builder.position_at_end(inside)
+        before, outside = dict(self._names), self._outside
+        self._outside = frozenset(before)
+        self._names[counter] = index
+        self._statements(body)
+        self._names, self._outside = before, outside
+        index.add_incoming(self._builder.add(index, _INTEGER(1), flags=("nsw",)), self._builder.block)
+        self._builder.branch(test)
+        self._builder.position_at_end(behind)
+
+    # ---- expressions ----
+
+    def _value(self, node: ast.expr) -> Any:
+        if (lower := self._expressions.get(type(node))) is None:
+            raise NotImplementedError(ast.unparse(node))
+        return lower(node)
+
+    def _float(self, node: ast.expr) -> Any:
+        return self._as_float(self._value(node))
+
+    def _as_float(self, value: Any) -> Any:
+        if value.type == _DOUBLE:
+            return value
+        if isinstance(value, ir.Constant):
+            return _DOUBLE(float(value.constant))
+        return self._builder.sitofp(value, _DOUBLE)
+
+    def _entry(self, node: ast.Subscript) -> Any:
+        """Return the address of an entry of `x`, `p` or `out`."""
+        return self._builder.gep(self._value(node.value), [self._value(node.slice)])
+
+    def _name(self, node: ast.Name) -> Any:
+        if node.id not in self._names:
+            raise NotImplementedError(f"{node.id}, which has no value there")
+        return self._names[node.id]
+
+    def _constant(self, node: ast.Constant) -> Any:
+        match node.value:
+            case bool():
+                raise NotImplementedError(ast.unparse(node))
+            case float(number):
+                return _DOUBLE(number)
+            case int(number):
+                return _INTEGER(number)
+        raise NotImplementedError(ast.unparse(node))
+
+    def _negative(self, node: ast.UnaryOp) -> Any:
+        if not isinstance(node.op, ast.USub):
+            raise NotImplementedError(ast.unparse(node))
+        value = self._value(node.operand)
+        if isinstance(value, ir.Constant):
+            return value.type(-value.constant)
+        return self._applied(operator.neg, self._as_float(value))
+
+    def _operation(self, node: ast.BinOp) -> Any:
+        left, right, kind = self._value(node.left), self._value(node.right), type(node.op)
+        if kind in _OF_INTEGERS and left.type == right.type == _INTEGER:
+            return getattr(self._builder, _OF_INTEGERS[kind])(left, right)
+        left, right = self._as_float(left), self._as_float(right)
+        if kind is ast.Pow:
+            return self._applied(operator.pow, left, right)
+        if kind not in _OF_FLOATS:
+            raise NotImplementedError(ast.unparse(node))
+        return getattr(self._builder, _OF_FLOATS[kind])(left, right)
+
+    def _comparison(self, node: ast.Compare) -> Any:
+        if len(node.ops) != 1 or type(node.ops[0]) not in _COMPARED:
+            raise NotImplementedError(ast.unparse(node))
+        sign = _COMPARED[type(node.ops[0])]
+        left, right = self._value(node.left), self._value(node.comparators[0])
+        if left.type == right.type == _INTEGER:
+            return self._builder.icmp_signed(sign, left, right)
+        return self._builder.fcmp_ordered(sign, self._as_float(left), self._as_float(right))
+
+    def _either(self, node: ast.BoolOp) -> Any:
+        if not isinstance(node.op, ast.Or):
+            raise NotImplementedError(ast.unparse(node))
+        found = self._value(node.values[0])
+        for other in node.values[1:]:  # what a true condition precedes does not matter
+            found = self._builder.select(found, _TRUTH(True), self._value(other))
+        return found
+
+    def _choice(self, node: ast.IfExp) -> Any:
+        yes, no, behind = self._blocks(3)
+        self._builder.cbranch(self._value(node.test), yes, no)
+        found = []
+        for block, chosen in ((yes, node.body), (no, node.orelse)):
+            self._builder.position_at_end(block)
+            found.append((self._float(chosen), self._builder.block))
+            self._builder.branch(behind)
+        self._builder.position_at_end(behind)
+        result = self._builder.phi(_DOUBLE)
+        for value, block in found:
+            result.add_incoming(value, block)
+        return result
+
+    def _call(self, node: ast.Call) -> Any:
+        values = [self._float(argument) for argument in node.args]
+        match node.func:
+            case ast.Attribute(value=ast.Name(id="math"), attr=name):
+                return self._applied(getattr(math, name), *values)
+            case ast.Name(id="abs"):
+                return self._applied(abs, *values)
+            case ast.Name(id="products"):
+                return self._products(values)
+            case ast.Name(id=name) if name in _EXTREMES:
+                return self._extreme(_EXTREMES[name], values)
+        raise NotImplementedError(ast.unparse(node))
+
+    def _applied(self, function: Callable[..., Any], *values: Any) -> Any:
+        """Return the result of a function that Numba implements, of floats."""
+        key = function, len(values)
+        if key not in self._implementations:
+            kind = int64 if function in (math.floor, math.ceil) else float64
+            signature = kind(*[float64] * len(values))
+            self._implementations[key] = self._context.get_function(function, signature)
+        return self._implementations[key](self._builder, values)
+
+    def _extreme(self, sign: str, values: Sequence[Any]) -> Any:
+        """Return the greatest or the least value; as in Python, that before a NaN."""
+        found = values[0]
+        for value in values[1:]:
+            found = self._builder.select(self._builder.fcmp_ordered(sign, value, found), value, found)
+        return found
+
+    def _products(self, factors: Sequence[Any]) -> Any:
+        """Return a0*b0 + a1*b1 + ... of factors in turn, the last products added last.
+
+        A step of a Taylor series is a chain of sums that wait for each other. Those that come last, the last three
+        products, are added to the sum of the others, which is taken in pairs.
+        """
+        pairs = list(zip(factors[::2], factors[1::2], strict=True))
+        count = max(len(pairs) - _LATE, 1)
+        sums = []
+        for i in range(0, count, 2):
+            total = self._product(pairs[i])
+            sums.append(total if i + 1 == count else self._sum(total, self._product(pairs[i + 1])))
+        while len(sums) > 1:
+            halves = [sums[i : i + 2] for i in range(0, len(sums), 2)]
+            sums = [self._sum(*half) if len(half) == 2 else half[0] for half in halves]
+        (total,) = sums
+        for pair in pairs[count:]:
+            total = self._sum(total, self._product(pair))
+        return total
+
+    def _product(self, pair: tuple[Any, Any]) -> Any:
+        return self._builder.fmul(*pair, flags=_FAST)
+
+    def _sum(self, left: Any, right: Any) -> Any:
+        return self._builder.fadd(left, right, flags=_FAST)
