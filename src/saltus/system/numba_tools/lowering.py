@@ -25,7 +25,9 @@ from numba.core.registry import cpu_target
 __all__ = ["code_of", "library_of"]
 
 
-_DOUBLE, _INTEGER, _TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+_DOUBLE = ir.DoubleType()
+_INTEGER = ir.IntType(64)
+_TRUTH = ir.IntType(1)
 _POINTER = _DOUBLE.as_pointer()
 _SIGNATURE = ir.FunctionType(ir.VoidType(), [_INTEGER, _INTEGER, _POINTER, _POINTER, _POINTER])
 
