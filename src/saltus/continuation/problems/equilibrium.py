@@ -91,12 +91,12 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
     def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
         """Return many points at once, as far as nothing happens, and the length of the step behind the last one.
 
-        Only in a mode without surfaces, and without users' events.
+        Only where no other test functions than `_QUIET` are watched: in a mode without surfaces, without users' events.
         """
-        problem = self.problem
-        if problem.ways_out or self._guarded or self.interest.events or self._origin is None or self.rows is None:
+        if not point.examined.monitors.keys() <= set(_QUIET) or self._origin is None or self.rows is None:
             return [], step
-        found = Stretch(problem, before, point, step, control, (self.interest, self.sizes, self._origin, self.rows))
+        known = self.interest, self.sizes, self._origin, self.rows
+        found = Stretch(self.problem, before, point, step, control, known)
         self._log = point.log if self._log is None else self._log
         kept = found.quiet(before, point, self._log, _QUIET)
         points = found.points(point, kept)
