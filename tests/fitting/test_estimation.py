@@ -16,16 +16,8 @@ from saltus.fitting.search import largest_chi2
 from saltus.options import FitOptions
 from saltus.progress import Reporter
 
-TRUE = {"k": 1.0, "c": 0.1, "b": 1.0, "A": 0.5, "g": 1.0}
 BOUNDS = (0.5, 2.6)
 Z = "harmonic(x, 1)"
-
-
-@pytest.fixture(scope="module")
-def duffing():
-    return saltus.HybridSystem.smooth(
-        {"x": "v", "v": "-c*v - k*x - b*x**3 + A*g*cos(s)"}, {**TRUE, "w": 1.0}, phase=("s", "w"), name="Duffing"
-    )
 
 
 def branch_of(system, **changes):
