@@ -126,7 +126,7 @@ def test_each_datum_belongs_to_the_nearest_of_two_sheets(folded, folds):
 
 
 def test_a_datum_beyond_a_fold_is_compared_with_the_last_orbits_of_its_sheet(folded, folds):
-    low, high = folds
+    high = folds[1]
     upper = max(orbit.max["x"] for orbit in folded.at(high - 1e-4))
     found = evaluated(folded, {"w": [high + 0.05], "max(x)": [upper]}, {"max(x)": 0.01}, names=("A",))
     (sheet,), (place,), (side,) = found.assigned
