@@ -18,8 +18,8 @@ AWAY = np.array([0.01, -0.02, 0.005, 0.01, -0.01])
 
 @pytest.fixture(scope="module")
 def found(duffing):
-    data = {"w": W, "R": 0.5 / np.hypot(1.0 - W**2, 0.1 * W) + AWAY}
-    start = find_orbit(duffing, {"w": 0.6, "b": 0.0, "k": 1.1, "c": 0.12}, [0.0, 0.0])
+    data = {"w": W, "R": 0.5 / np.hypot(1.0 - W**2, 0.3 * W) + AWAY}
+    start = find_orbit(duffing, {"w": 0.6, "b": 0.0, "k": 1.05, "c": 0.32}, [0.0, 0.0])
     options = FitOptions(observables={"R": A1})
     vary = {"k": (0.5, 2.0), "c": (0.01, 1.0)}
     return fit(data, continue_orbit(start, "w", (0.6, 1.4)), vary, {"R": 0.02}, options=options)
@@ -77,7 +77,7 @@ def test_what_the_data_do_not_tell_has_an_infinite_error_and_no_correlation(foun
 def test_the_table_has_a_row_for_each_parameter(found):
     table = replace(found, profiles={"c": (0.09, 0.12)}).to_dataframe()
     assert list(table.index) == ["k", "c"]
-    assert table.loc["k", ["value", "start", "low", "high"]].tolist() == [found["k"], 1.1, 0.5, 2.0]
+    assert table.loc["k", ["value", "start", "low", "high"]].tolist() == [found["k"], 1.05, 0.5, 2.0]
     assert table.loc["c", ["profile_low", "profile_high"]].tolist() == [0.09, 0.12]
     assert np.isnan(table.loc["k", "profile_low"])
     assert table["error"].tolist() == list(found.errors.values())
