@@ -143,6 +143,11 @@ def impact_oscillator() -> HybridSystem:
 
 
 @pytest.fixture(scope="session")
+def duffing() -> HybridSystem:
+    return systems.duffing()
+
+
+@pytest.fixture(scope="session")
 def two_fields() -> HybridSystem:
     return systems.two_fields()
 

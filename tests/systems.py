@@ -91,6 +91,16 @@ def impact_oscillator() -> HybridSystem:
     )
 
 
+def duffing() -> HybridSystem:
+    """Return a driven oscillator with a hardening spring; `A` and `g` enter only as a product."""
+    return HybridSystem.smooth(
+        {"x": "v", "v": "-c*v - k*x - b*x**3 + A*g*cos(s)"},
+        {"k": 1.0, "c": 0.1, "b": 1.0, "A": 0.5, "g": 1.0, "w": 1.0},
+        phase=("s", "w"),
+        name="Duffing",
+    )
+
+
 def two_fields() -> HybridSystem:
     """Return two planar fields that meet at x1 = 0 (Recipes for Continuation, ex. 9.2)."""
     r = "sqrt(x1**2 + x2**2)"

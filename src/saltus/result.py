@@ -201,8 +201,7 @@ class Result(ABC):
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        mine, theirs = self.to_xarray(), other.to_xarray()
-        return mine.attrs == theirs.attrs and bool(mine.identical(theirs))
+        return bool(self.to_xarray().identical(other.to_xarray()))
 
     __hash__ = None  # type: ignore[assignment]  # equal results need not be the same object
 

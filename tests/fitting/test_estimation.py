@@ -16,16 +16,8 @@ from saltus.fitting.search import largest_chi2
 from saltus.options import FitOptions
 from saltus.progress import Reporter
 
-TRUE = {"k": 1.0, "c": 0.1, "b": 1.0, "A": 0.5, "g": 1.0}
 BOUNDS = (0.5, 2.6)
 Z = "harmonic(x, 1)"
-
-
-@pytest.fixture(scope="module")
-def duffing():
-    return saltus.HybridSystem.smooth(
-        {"x": "v", "v": "-c*v - k*x - b*x**3 + A*g*cos(s)"}, {**TRUE, "w": 1.0}, phase=("s", "w"), name="Duffing"
-    )
 
 
 def branch_of(system, **changes):
@@ -364,6 +356,8 @@ BAD = {
     "sigma below 0": ({"sigma": {Z: -1.0}}, "must be a finite number > 0"),
     "a sigma of 0": ({"sigma": {Z: [0.0] + 14 * [1.0]}}, r"\[0\] = 0.0: must be positive"),
     "sigma not given": ({"sigma": None}, "sigma = None: must be the standard error of at least one column"),
+    "a start": ({"options": FitOptions(start={"c": "0.2"})}, r"start\['c'\] = '0.2': must be a finite number"),
+    "no number as a start": ({"options": FitOptions(start={"c": np.nan})}, r"start\['c'\] = nan: must be"),
     "no evaluations": ({"options": FitOptions(max_evaluations=0)}, "max_evaluations = 0: must be an integer >= 1"),
     "turns of no column": ({"options": FitOptions(turns={"q": 1.0})}, "turns = 'q': must be one of harmonic"),
     "no such column": ({"options": FitOptions(observables={"q": "max(x)"})}, "observables = 'q': must be one of"),

@@ -13,16 +13,8 @@ from saltus import InputError, continue_orbit, find_orbit, optimise
 from saltus.optimisation.carrying import carried, carrying
 from saltus.options import OptimumOptions
 
-TRUE = {"k": 1.0, "c": 0.1, "b": 1.0, "A": 0.5, "g": 1.0}
 LINEAR = {"b": 0.0, "A": 1.0, "c": 0.4, "w": 0.6}
 A1 = "amplitude(x, 1)"
-
-
-@pytest.fixture(scope="module")
-def duffing():
-    return saltus.HybridSystem.smooth(
-        {"x": "v", "v": "-c*v - k*x - b*x**3 + A*g*cos(s)"}, {**TRUE, "w": 1.0}, phase=("s", "w"), name="Duffing"
-    )
 
 
 @pytest.fixture(scope="module")

@@ -62,7 +62,7 @@ class FitOptions:
     observables : mapping of str to str
         Observables of columns with other names, as ``{"amplitude": "amplitude(x, 1)"}``.
     turns : mapping of str to float
-        Angles after which observables repeat; by default 2 pi of phases, and 360 of phases in degrees.
+        Angles after which observables repeat; by default 2 pi of phases, 360 of phases in degrees, 0 of all others.
     start : mapping of str to float
         Where the search starts; by default at the branch's values.
     profile : sequence of str or None
@@ -225,7 +225,8 @@ def _varied(
         raise InputError("vary", vary, "at least one parameter with its bounds")
     checks.mapping("start", starts, "values by parameter", known=wanted)
     bounds = np.array([checks.interval(f"vary[{name!r}]", limits, finite=True) for name, limits in wanted.items()]).T
-    start = np.array([float(starts.get(name, branch.parameters[name])) for name in wanted])
+    given = {name: checks.number(f"start[{name!r}]", value) for name, value in starts.items()}
+    start = np.array([given.get(name, branch.parameters[name]) for name in wanted])
     for i, name in enumerate(wanted):
         low, high = bounds[:, i]
         if not low <= start[i] <= high:

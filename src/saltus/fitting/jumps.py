@@ -77,7 +77,7 @@ def _steps(measured: Measured, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         away = np.diff(channel.values[rows])
         if channel.turn:
             away = away - channel.turn * np.round(away / channel.turn)
-        total += (np.abs(away) / (math.sqrt(2.0) * channel.sigma[rows[1:]])) ** 2
+        total += (np.abs(away) / np.hypot(channel.sigma[rows[:-1]], channel.sigma[rows[1:]])) ** 2
     return np.asarray(np.sqrt(total))
 
 

@@ -25,6 +25,8 @@ __all__ = ["DIRECTION", "Channel", "Measured", "MeasuredPoint", "read_measured",
 
 DIRECTION = "direction"  # column that says which way a datum was measured on
 _INDEX = "index"  # attribute of a table: columns that were its index
+_BEGINNINGS = 3  # values of all observables from which a phase makes a turn, to see what it does to a formula
+_ALIKE = 1e-9  # relative difference of angles that is rounding
 _HARMONIC = re.compile(r"harmonic\((.*),\s*([^,]+)\)")
 
 
@@ -154,11 +156,23 @@ def read_table(data: object) -> pd.DataFrame:
         return _with_index(data.to_dataframe())
     if not isinstance(data, Mapping):
         raise InputError("data", data, "a pandas DataFrame, an xarray Dataset or columns by name")
-    columns = {str(name): np.atleast_1d(np.asarray(values)) for name, values in data.items()}
+    columns = {str(name): _column(str(name), values) for name, values in data.items()}
     if len({values.shape for values in columns.values()}) > 1 or any(v.ndim > 1 for v in columns.values()):
         sizes = {name: values.shape for name, values in columns.items()}
         raise InputError("data", sizes, "columns of one length")
     return pd.DataFrame(columns)
+
+
+def _column(name: str, values: object) -> NDArray[Any]:
+    """Return a column as an array; numbers that are masked are missing."""
+    import pandas as pd
+
+    if isinstance(values, np.ma.MaskedArray) and values.ndim == 1:
+        return np.asarray(pd.Series(values))
+    try:
+        return np.atleast_1d(np.asarray(values))
+    except ValueError:
+        raise InputError(f"column {name!r}", values, "a number for each row") from None
 
 
 def _with_index(table: pd.DataFrame) -> pd.DataFrame:
@@ -199,6 +213,8 @@ def read_measured(
     InputError
         A column is missing or holds no numbers; a standard error is missing or not positive.
     """
+    import pandas as pd
+
     table = read_table(data)
     errors = checks.mapping("sigma", sigma, "standard errors by column, as {'max(x)': 0.01}")
     if not errors:
@@ -209,11 +225,13 @@ def read_measured(
     for name in (along, *errors):
         if name not in known:
             raise InputError("data", known, f"with a column {name!r}")
+        if known.count(name) > 1:
+            raise InputError("data", known, f"with one column {name!r}")
     x = _numbers(along, table[along].to_numpy(), complex_too=False)
     channels = [
         _channel(name, table[name].to_numpy(), errors[name], observables.get(name, name), system) for name in errors
     ]
-    channels = [replace(one, turn=turns.get(one.name, one.turn)) for one in channels]
+    channels = [replace(one, turn=_given_turn(one, turns)) for one in channels]
     ways = table[DIRECTION].to_numpy() if DIRECTION in known else np.full(len(x), "", dtype=object)
     whole = np.isfinite(x)
     for channel in channels:
@@ -222,12 +240,16 @@ def read_measured(
         raise InputError("data", f"{len(x)} rows", "at least one row without a missing number")
     channels = [replace(one, values=one.values[whole], sigma=one.sigma[whole]) for one in channels]
     unused = tuple(name for name in known if name not in (along, DIRECTION, *table.attrs.get(_INDEX, ()), *errors))
-    directions = tuple("" if way is None or way != way else str(way) for way in ways[whole])
+    directions = tuple("" if pd.isna(way) else str(way) for way in ways[whole])
     return Measured(along, x[whole], tuple(channels), directions, (), int((~whole).sum()), unused)
 
 
 def _numbers(name: str, values: NDArray[Any], *, complex_too: bool) -> NDArray[Any]:
     """Return a column of numbers; those that are missing are NaN."""
+    import pandas as pd
+
+    if values.dtype.kind == "O":
+        values = np.where(pd.isna(values), np.nan, values)
     kind = np.complex128 if complex_too and np.iscomplexobj(values) else np.float64
     try:
         if values.dtype.kind in "bSUmM" or (kind is np.float64 and np.iscomplexobj(values)):
@@ -255,9 +277,43 @@ def _channel(name: str, values: NDArray[Any], sigma: object, text: str, system: 
         raise InputError(f"observable of column {name!r}", text, f"for {kind} data one such as {wanted}")
     formulas = (text,) if found is None else (f"amplitude({found[1]}, {found[2]})", f"phase({found[1]}, {found[2]})")
     planned(system, formulas)  # raises for what is no observable
-    turn = 0.0
-    if found is None and "(" in text:
-        turn = read_formula(system, text).turn
-        if not turn and "phase(" in text:
-            turn = 360.0 if "degrees(" in text else 2.0 * math.pi
+    turn = _turn(system, text) if found is None and "phase" in text and "(" in text else 0.0
     return Channel(name, formulas, numbers, spread, turn)
+
+
+def _turn(system: HybridSystem, text: str) -> float:
+    """Return the angle after which an observable repeats, since phases in it do; 0 where it does not.
+
+    It is by what the observable grows with a turn of a phase, wherever that turn begins; of several phases, the largest
+    angle that goes into all of these.
+    """
+    formula = read_formula(system, text)
+    if formula.expression is None:
+        return formula.turn
+    parameters, found = {**system.parameters, "period": 1.0}, 0.0
+    for part in formula.parts:
+        turn = read_formula(system, part).turn
+        rises, sizes = [], []
+        for k in range(_BEGINNINGS if turn else 0):
+            values = {other: math.sqrt(2.0 + i + 3.0 * k) for i, other in enumerate(formula.parts)}
+            with np.errstate(all="ignore"):
+                before = formula.value(values, parameters)
+                rises.append(abs(formula.value(values | {part: values[part] + turn}, parameters) - before))
+            sizes.append(abs(before))
+        step = max(rises, default=0.0)
+        if step <= _ALIKE * max(sizes, default=0.0):
+            continue
+        if not np.ptp(rises) <= _ALIKE * step:
+            return 0.0
+        while step > _ALIKE * found:
+            found, step = step, abs(found - step * round(found / step))
+    return found
+
+
+def _given_turn(channel: Channel, turns: Mapping[str, float]) -> float:
+    """Return the angle after which a channel repeats: the one that is given, checked, or its own."""
+    if channel.name not in turns:
+        return channel.turn
+    if channel.is_complex:
+        raise InputError("turns", channel.name, "columns of real data", "complex ones have no cut")
+    return checks.non_negative(f"turns[{channel.name!r}]", turns[channel.name])

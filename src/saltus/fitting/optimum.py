@@ -45,6 +45,7 @@ _SMALL = 1e-8  # relative change of the loss that ends the search
 _STEP = 1e-9  # relative change of the parameters that ends the search
 _FIRST_STEP = 0.5  # radius of the first trust region, over the sizes of the parameters
 _LEAST_SIZE = 0.02  # size of a parameter, over its range, at least
+_FALL = 1e-3  # fall of the loss, over 1 and the loss, that a search which met refusals must not leave undone
 _HOPELESS = 2.0  # loss by interpolated observables, over the least, above which no orbit is solved for its data
 _NULL = 1e-6  # singular value over the largest, of relative changes, below which a combination has no effect
 _PART = 1e-2  # share of a parameter in a combination, below which it is left out in words
@@ -194,7 +195,8 @@ def minimised(
     free = [i for i in range(len(start)) if i not in fixed]
     if objective.best is not None and not np.array_equal(objective.best[1], start):
         objective.best = None
-    known: dict[bytes, Evaluation] = {start[free].tobytes(): objective.at(start)}
+    first = objective.at(start)
+    known: dict[bytes, Evaluation] = {start[free].tobytes(): first}
 
     def evaluated(values: NDArray[np.float64]) -> Evaluation | None:
         if values.tobytes() not in known:
@@ -214,6 +216,9 @@ def minimised(
     if not free:
         assert objective.best is not None
         return Minimum(start, objective.best[2], objective.best[0], NOTHING)
+    if not np.any((loss_weights(first.residuals) * first.residuals) @ first.jacobian[:, free]):
+        # SciPy divides by the length of the step, which is 0 here
+        return Minimum(start, first, total_loss(first.residuals), FOUND)
     low, high = bounds[:, free]
     inside = np.clip(start[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     sizes = np.where(start[free] == 0.0, high - low, np.maximum(np.abs(start[free]), _LEAST_SIZE * (high - low)))
@@ -235,20 +240,35 @@ def minimised(
         return np.asarray(found.jacobian[:, free] * sizes)
 
     limits = origin + (low - inside) / sizes, origin + (high - inside) / sizes
-    objective.refused = 0
+    objective.refused, refusals = 0, len(objective.failures)
     try:
         found = least_squares(
             residuals, origin, slopes, limits, loss="soft_l1", f_scale=_LOSS,
             ftol=accuracy, xtol=_STEP, gtol=None, max_nfev=most,
         )  # fmt: skip
         stopped = "no more evaluations are allowed" if found.status == 0 else FOUND
-        if objective.refused:
+        fall = _promised_fall(objective, free, bounds) if len(objective.failures) > refusals else 0.0
+        if objective.refused or fall > _FALL * (1.0 + objective.best[0]):
             stopped = "the search ended where no further step can be followed: perhaps this is no optimum"
     except KeyboardInterrupt:
         stopped = INTERRUPTED
     assert objective.best is not None
     loss, values, evaluation = objective.best
     return Minimum(values, evaluation, loss, stopped)
+
+
+def _promised_fall(objective: Objective, free: Sequence[int], bounds: NDArray[np.float64]) -> float:
+    """Return by how much the loss would fall from its least one within bounds, by a quadratic model of it."""
+    assert objective.best is not None
+    _, values, evaluation = objective.best
+    roots = np.sqrt(loss_weights(evaluation.residuals))
+    jacobian, residuals = evaluation.jacobian * roots[:, None], evaluation.residuals * roots
+    slopes = residuals @ jacobian
+    near = 1e-6 * (bounds[1] - bounds[0])
+    held = ((values - bounds[0] <= near) & (slopes > 0.0)) | ((bounds[1] - values <= near) & (slopes < 0.0))
+    own = [i for i in free if not held[i]]
+    step = np.linalg.lstsq(jacobian[:, own], residuals)[0]
+    return float(step @ slopes[own])
 
 
 def covariance(jacobian: NDArray[np.float64], residuals: NDArray[np.float64]) -> NDArray[np.float64]:
