@@ -45,7 +45,7 @@ _SMALL = 1e-8  # relative change of the loss that ends the search
 _STEP = 1e-9  # relative change of the parameters that ends the search
 _FIRST_STEP = 0.5  # radius of the first trust region, over the sizes of the parameters
 _LEAST_SIZE = 0.02  # size of a parameter, over its range, at least
-_FALL = 1e-3  # fall of the loss, over 1 and the loss, that a search which met refusals must not leave undone
+_FALL = 1e-3  # fall of the loss, over 1 and the loss, that a search must not leave undone after refusals
 _HOPELESS = 2.0  # loss by interpolated observables, over the least, above which no orbit is solved for its data
 _NULL = 1e-6  # singular value over the largest, of relative changes, below which a combination has no effect
 _PART = 1e-2  # share of a parameter in a combination, below which it is left out in words
@@ -248,7 +248,7 @@ def minimised(
         )  # fmt: skip
         stopped = "no more evaluations are allowed" if found.status == 0 else FOUND
         fall = _promised_fall(objective, free, bounds) if len(objective.failures) > refusals else 0.0
-        if objective.refused or fall > _FALL * (1.0 + objective.best[0]):
+        if objective.refused or fall > _FALL:
             stopped = "the search ended where no further step can be followed: perhaps this is no optimum"
     except KeyboardInterrupt:
         stopped = INTERRUPTED
@@ -258,9 +258,9 @@ def minimised(
 
 
 def _promised_fall(objective: Objective, free: Sequence[int], bounds: NDArray[np.float64]) -> float:
-    """Return by how much the loss would fall from its least one within bounds, by a quadratic model of it."""
+    """Return by how much the loss would fall within bounds by a quadratic model, over 1 and the least loss found."""
     assert objective.best is not None
-    _, values, evaluation = objective.best
+    loss, values, evaluation = objective.best
     roots = np.sqrt(loss_weights(evaluation.residuals))
     jacobian, residuals = evaluation.jacobian * roots[:, None], evaluation.residuals * roots
     slopes = residuals @ jacobian
@@ -268,7 +268,7 @@ def _promised_fall(objective: Objective, free: Sequence[int], bounds: NDArray[np
     held = ((values - bounds[0] <= near) & (slopes > 0.0)) | ((bounds[1] - values <= near) & (slopes < 0.0))
     own = [i for i in free if not held[i]]
     step = np.linalg.lstsq(jacobian[:, own], residuals)[0]
-    return float(step @ slopes[own])
+    return float(step @ slopes[own]) / (1.0 + loss)
 
 
 def covariance(jacobian: NDArray[np.float64], residuals: NDArray[np.float64]) -> NDArray[np.float64]:
