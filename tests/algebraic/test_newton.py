@@ -58,7 +58,7 @@ def test_no_zero_is_told_with_the_reason():
         solve_zero(none, np.array([2.0]), "equilibrium", "there may be none here")
 
 
-@pytest.mark.parametrize(("what", "said"), [("equilibrium", "field"), ("cycle", "map")])
+@pytest.mark.parametrize(("what", "said"), [("equilibrium", "field"), ("orbit", "map")])
 def test_a_start_without_a_value_is_told(what, said):
     pole = Equations(1, lambda u: 1.0 / u, 1)
     with np.errstate(all="ignore"), pytest.raises(InputError, match=rf"x0 = .*at which the {said} and its derivatives"):

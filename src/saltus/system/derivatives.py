@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import sympy
@@ -124,16 +124,25 @@ class Symbolic:
         return "<br>".join(rows)
 
 
+@lru_cache(maxsize=512)
+def _symbols_and_corners(expression: sympy.Expr) -> tuple[frozenset[sympy.Symbol], frozenset[sympy.Expr]]:
+    """Return an expression's symbols, and its moduli and signs of what SymPy does not know to be real."""
+    corners = {a for a in expression.atoms(sympy.Abs, sympy.sign) if not a.args[0].is_extended_real}
+    return frozenset(expression.free_symbols), frozenset(corners)
+
+
 def _smooth_diff(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
     """Derivative without the terms at jumps of signs."""
-    corners = {a for a in expression.atoms(sympy.Abs, sympy.sign) if not a.args[0].is_extended_real}
+    symbols, corners = _symbols_and_corners(expression)
+    if symbol not in symbols:
+        return sympy.S.Zero
     if not corners:
         derivative = sympy.diff(expression, symbol)
-        if expression.has(sympy.Max, sympy.Min):
+        if derivative.has(sympy.Heaviside) and expression.has(sympy.Max, sympy.Min):
             derivative = derivative.replace(sympy.Heaviside, lambda x, *_: (1 + sympy.sign(x)) / 2)
-        if not expression.has(sympy.sign):
-            return derivative
-        return derivative.replace(sympy.DiracDelta, lambda *args: sympy.Integer(0))
+        if derivative.has(sympy.DiracDelta) and expression.has(sympy.sign):
+            return derivative.replace(sympy.DiracDelta, lambda *args: sympy.Integer(0))
+        return derivative
     # SymPy takes abs(log(x)) for that of a complex number, since x may be negative
     stands_for = {corner: sympy.Dummy(real=True) for corner in corners}
     smooth = expression.xreplace(stands_for)

@@ -30,10 +30,13 @@ def without_poles(expression: sympy.Expr) -> sympy.Expr:
     segment adds. For powers above 1/2 this limit is 0.
     """
     pole = sympy.Function(_POLE)
-    return expression.replace(
-        lambda e: e.is_Pow and is_broken(e.exp) and e.exp < 0 and not e.base.is_number,
-        lambda e: pole(e.base, e.exp),
-    )
+
+    def has_pole(e: sympy.Expr) -> bool:
+        return bool(e.is_Pow and is_broken(e.exp) and e.exp < 0 and not e.base.is_number)
+
+    if not any(map(has_pole, expression.atoms(sympy.Pow))):
+        return expression
+    return expression.replace(has_pole, lambda e: pole(e.base, e.exp))
 
 
 def code_printer(*, clamped: bool) -> Any:
