@@ -19,6 +19,7 @@ from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import Signature
 from saltus.result import netcdf, tagged
+from selection import guarding
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,7 @@ def held():
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # what is computed of an absurd number may be none
-@pytest.mark.parametrize("files", [22, pytest.param(60, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("files", guarding([8, 60], 8))
 def test_files_with_one_thing_changed_are_told_in_a_line_or_can_be_used(held, tmp_path, files):
     outcomes = set()
     for seed in range(files):
@@ -39,6 +40,7 @@ def test_files_with_one_thing_changed_are_told_in_a_line_or_can_be_used(held, tm
     assert {"told", "used"} <= outcomes
 
 
+@pytest.mark.campaign
 def test_files_that_nobody_changed_can_be_used(held, tmp_path):
     for name, result in held.items():
         assert mutated.tried(result.save(tmp_path / f"{name}.nc"), result) == "used"

@@ -152,6 +152,7 @@ def test_a_sweep_is_stopped_and_what_is_done_is_kept(screen):
     screen.wait("orbit2")
 
 
+@pytest.mark.campaign
 @desk_alone
 def test_a_click_right_after_a_change_is_not_lost(screen):
     screen.page.locator(".axis-y input").fill("max_z")
@@ -174,6 +175,7 @@ def test_a_page_that_is_loaded_again_finds_its_session(screen):
     assert screen.errors == []
 
 
+@pytest.mark.campaign
 def test_a_wrong_expression_is_told_in_the_page_and_never_run(screen, kept):
     screen.fill("axis-y", "__import__('os').getcwd()")
     screen.page.wait_for_selector(".message.error")

@@ -145,6 +145,7 @@ def test_an_upload_is_a_session_of_its_own(office, session, tmp_path):
     assert not [*tmp_path.rglob("upload.nc")]
 
 
+@pytest.mark.campaign
 def test_an_upload_has_a_largest_size(office, monkeypatch):
     monkeypatch.setattr("saltus.explorer.server._UPLOAD", 10)
     with pytest.raises(InputError, match="file = '11 bytes': must be one of at most 10 bytes"):

@@ -45,6 +45,7 @@ def test_a_session_comes_back_from_one_file(session, tmp_path):
     _same(session, Session.unpacked(file, new_folder(tmp_path)))
 
 
+@pytest.mark.campaign
 def test_a_result_that_was_not_yet_written_is_not_in_the_notes(session, tmp_path):
     copy = Session.unpacked(session.packed(tmp_path / "session.nc"), new_folder(tmp_path))
     copy.add(FindOrbit(), copy.entries[0].result)
@@ -63,6 +64,7 @@ def test_undo_takes_back_the_last_step_and_what_pointed_to_it(session, tmp_path)
     assert copy.undo() is None
 
 
+@pytest.mark.campaign
 def test_the_script_of_a_session_makes_the_same_numbers(session, tmp_path):
     lines = [session.script(), 'for name in ("orbit1", "branch1", "locus1"):', '    globals()[name].save(name + ".nc")']
     (tmp_path / "again.py").write_text("\n".join(lines))

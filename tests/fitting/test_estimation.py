@@ -115,6 +115,7 @@ def test_exact_jumps_and_responses_give_the_exact_values(duffing, few, true_bran
     assert one.chi2 < 1e-6
 
 
+@pytest.mark.campaign
 def test_noise_gives_values_within_their_errors_and_chi2_of_one(duffing, sweep):
     rng = np.random.default_rng(3)
     size = len(sweep["w"])
@@ -283,6 +284,7 @@ def test_one_wild_datum_is_told_and_does_not_spoil_the_fit_and_no_further_start_
     assert one.message.startswith("the data do not fit")
 
 
+@pytest.mark.campaign
 def test_data_that_no_parameters_fit_are_told_first_of_all(duffing):
     data = linear_data()
     far = {"w": data["w"][::3], Z: data[Z][::3] + 3.0}
@@ -317,6 +319,7 @@ def test_repeated_rows_are_told(duffing):
     assert "3 rows repeat others, and count as measured again" in one.notes
 
 
+@pytest.mark.campaign
 def test_jumps_that_the_data_lack_are_told_and_one_jump_is_enough(duffing, sweep):
     data = linear_data() | {"direction": ["up"] * 15}
     one = fit(data, branch_of(duffing, b=0.0), {"c": (0.01, 1.0)}, {Z: 0.01}, jumps=True)

@@ -85,6 +85,7 @@ def test_at_a_branch_point_the_other_fixed_point_is_found():
     assert (halved.period, halved.x0[0]) == (1, pytest.approx(2 / 3))
 
 
+@pytest.mark.campaign
 def test_the_cascade_of_the_logistic_map_has_feigenbaums_limits(tmp_path):
     start = branch_of(logistic(), "r", (2.5, 3.5), [0.6], {"r": 2.8})["PD1"]
     cascade = saltus.follow_cascade(start, (2.5, 4.0), doublings=6)

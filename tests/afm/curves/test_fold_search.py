@@ -9,6 +9,7 @@ import saltus
 from saltus import afm
 from saltus.afm.curves import fold_search
 from saltus.errors import InputError
+from selection import guarding
 
 matplotlib.use("Agg")
 
@@ -106,6 +107,7 @@ def test_where_contact_loses_energy_an_approach_jumps_from_the_critical_amplitud
         assert any(jump.direction == "approach" for jump in curve.jumps) is jumps
 
 
+@pytest.mark.campaign
 def test_a_radius_comes_back_where_two_folds_turn_at_different_amplitudes():
     model = losing(*PROBES["a tip of 9 nm"][:-1])
     region = afm.bistability(model)
@@ -159,7 +161,7 @@ def test_no_critical_amplitude_where_the_turn_is_out_of_range(lever):
     assert part.cusp == pytest.approx((25.6149973, 25.1789782), abs=1e-7)
 
 
-@pytest.mark.parametrize("start", [4.0, RADIUS, 30.0])
+@pytest.mark.parametrize("start", guarding([4.0, RADIUS, 30.0], 4.0))
 def test_radius_from_the_critical_amplitude(lever, start):
     assert afm.tip_radius(lever, CRITICAL, parameters={"R_nm": start}) == pytest.approx(RADIUS, abs=1e-5)
 

@@ -335,6 +335,7 @@ def jkr_loss(E, w, R):
     )
 
 
+@pytest.mark.campaign
 def test_adhesive_contact(schwarz):
     orbit = saltus.find_orbit(schwarz, x0=[0.0, 0.0])
     seen = assert_scipy_agrees(orbit, schwarz_law)

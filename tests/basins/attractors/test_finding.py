@@ -247,6 +247,7 @@ def test_chaos_that_motions_leave_after_thousands_of_periods_is_no_attractor_wha
     assert points[0] == pytest.approx([-0.4533, 0.0775], abs=5e-5)
 
 
+@pytest.mark.campaign
 def test_a_slow_spiral_towards_a_long_orbit_is_no_attractor_beside_it():
     region = {"x": (-2, 0.199), "v": (-2, 2)}
     found = find_attractors(beside_a_wall(3.9, 0.2), {}, region, options=AttractorOptions(starts=64, samples=400))
@@ -279,6 +280,7 @@ def test_the_stay_in_a_leaking_interval_is_measured():
     assert chaos.stay.mean == pytest.approx(slope / (slope - 2.0), rel=3.0 / math.sqrt(chaos.stay.left))
 
 
+@pytest.mark.campaign
 def test_of_two_intervals_between_which_motions_change_all_the_time_one_is_an_attractor(monkeypatch):
     search = AttractorSearch(
         carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), AttractorOptions(samples=100, longest=1500)

@@ -55,6 +55,7 @@ def test_wrong_labels_are_counted(accuracy):
     assert len(found.examples) == min(found.wrong, accuracy.SHOWN)
 
 
+@pytest.mark.campaign
 def test_the_map_of_lanes_is_that_of_the_event_driven_flow(accuracy):
     error = accuracy.map_error(500, seed=8)
     assert error.median <= accuracy.MEDIAN

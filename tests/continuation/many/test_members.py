@@ -195,12 +195,14 @@ def test_a_small_family_starts_no_process(orbit, family, monkeypatch):
     assert continue_family(orbit, "A", {"d": GAPS}, BOUNDS, workers=2) == family
 
 
+@pytest.mark.campaign
 def test_a_branch_that_takes_long_is_given_up_here_and_traced_by_a_process(orbit, family, monkeypatch):
     monkeypatch.setattr(work, "_TRIAL", 1e-6)
     assert continue_family(orbit, "A", {"d": GAPS}, BOUNDS, workers=2) == family
     assert not multiprocessing.active_children()
 
 
+@pytest.mark.campaign
 def test_processes_take_what_is_left_where_they_save_time(orbit, family, monkeypatch):
     traced, pool = [], work.Processes
 

@@ -158,6 +158,7 @@ def differences(system, start, along, bounds, label, parameter, step):
     return (8.0 * near - far) / (12.0 * step)
 
 
+@pytest.mark.campaign
 def test_the_folds_of_duffings_oscillator_against_differences():
     system = HybridSystem.smooth(
         {"x": "v", "v": "A*cos(s) - c*v - x - x**3"}, {"c": 0.1, "A": 0.5, "w": 1.2}, phase=("s", "w")
