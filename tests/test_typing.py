@@ -11,6 +11,7 @@ import pytest
 
 import saltus
 from saltus import afm
+from selection import guarding
 
 SCRIPT = Path(__file__).parent / "typing" / "user_script.py"
 
@@ -31,7 +32,7 @@ def pyrefly(folder):
     return [str(Path(sys.executable).with_name("pyrefly")), "check", *options]
 
 
-@pytest.fixture(scope="module", params=[mypy, pyrefly])
+@pytest.fixture(scope="module", params=guarding([mypy, pyrefly], pyrefly))
 def told(request, tmp_path_factory):
     """What a checker says of the user's script, by line, and of all public names."""
     folder = tmp_path_factory.mktemp("checked")

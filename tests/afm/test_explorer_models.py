@@ -35,6 +35,7 @@ def test_a_set_is_explored_along_its_curve():
     assert parts_of(subject.system) == parts_of(experiment.model())
 
 
+@pytest.mark.campaign
 def test_what_taps_can_be_filmed(ball_on_table):
     for key in TAPPING.titles:
         assert TAPPING.films(TAPPING.subject(key).system)

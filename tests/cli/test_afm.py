@@ -51,6 +51,7 @@ def written(tmp_path_factory) -> tuple[Path, str]:
 # curve
 
 
+@pytest.mark.campaign
 def test_the_curve_that_is_written_is_the_one_of_the_functions(written):
     folder, said = written
     curve = saltus.load(folder / "apd.nc")
@@ -69,6 +70,7 @@ def test_the_curve_that_is_written_is_the_one_of_the_functions(written):
     assert {path.name for path in folder.iterdir()} == {"lever.toml", "apd.nc", "apd.png"}
 
 
+@pytest.mark.campaign
 def test_a_curve_is_drawn_by_the_command_for_results_too(written, tmp_path, capsys):
     picture = tmp_path / "curve.svg"
     assert run_command(capsys, "plot", str(written[0] / "apd.nc"), "-o", str(picture))[0] == 0
@@ -177,6 +179,7 @@ def test_a_place_beyond_the_curve_is_told(lever, capsys):
     assert run_command(capsys, "afm", "observe", str(lever), "--at", "99") == (2, "", wanted)
 
 
+@pytest.mark.campaign
 def test_orbits_that_no_way_from_afar_reaches_are_found_by_motions(written):
     """A curve of the attractive sheet alone, as it is where the repulsive one has only a corner of the range."""
     system = saltus.load(written[0] / "apd.nc").system
@@ -195,6 +198,7 @@ def test_orbits_that_no_way_from_afar_reaches_are_found_by_motions(written):
 # animate
 
 
+@pytest.mark.campaign
 def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
     filmed = []
 
@@ -418,6 +422,7 @@ def test_a_measured_curve_is_fitted_by_the_command_with_columns_of_other_names(m
     assert "chi2/n" in said
 
 
+@pytest.mark.campaign
 def test_an_interrupt_of_a_fit_keeps_the_best_so_far(measured, lever, capsys, monkeypatch):
     seen = []
 

@@ -97,6 +97,7 @@ def test_what_is_written_is_told_with_its_size(mapped, capsys):
     assert "all 120 cells done" in out
 
 
+@pytest.mark.campaign
 def test_an_interrupted_run_says_how_to_go_on_and_goes_on_to_the_same_labels(mapped, config, capsys, monkeypatch):
     monkeypatch.setattr(saltus.basins.map.grid, "_LEAST", 30)
     monkeypatch.setattr(saltus.basins.map.grid, "_CHUNK", 15)

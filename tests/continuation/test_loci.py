@@ -378,6 +378,7 @@ def test_chenciner_point_is_where_the_coefficient_vanishes(rotation, angle):
     assert_critical(locus)
 
 
+@pytest.mark.campaign
 def test_a_parameter_that_is_constant_along_a_locus_has_no_turning_points(rotation):
     branch = continue_orbit(cycle(rotation, [moved(0.0, 0.0)]), "m", (-0.5, 0.5))
     for pair in (("m", "d"), ("m", "t")):
@@ -400,6 +401,7 @@ def fold_flip():
     return carried(conjugated(image), r=-0.04, m=0.3)
 
 
+@pytest.mark.campaign
 def test_fold_locus_goes_through_the_fold_flip(fold_flip):
     branch = continue_orbit(cycle(fold_flip, [moved(-0.2, 0.0)]), "r", (-0.2, 0.2))
     locus = continue_locus(branch["SN1"], ("r", "m"), {"r": (-0.5, 0.5), "m": (-1.0, 1.0)})
@@ -742,6 +744,7 @@ def torus(delayed):
     return continue_locus(branch["TR1"], ("c", "a"), BOX)
 
 
+@pytest.mark.campaign
 def test_a_saved_locus_comes_back_equal(torus, tmp_path):
     torus.save(tmp_path / "locus.nc")
     for back in (type(torus).load(tmp_path / "locus.nc"), load_result(tmp_path / "locus.nc")):

@@ -129,6 +129,7 @@ def test_every_locus_of_the_response_is_critical_all_along(branches, locus_of, m
             assert own[0] < 1e-8 or own[1] < 0.01, (start.label, i, own)
 
 
+@pytest.mark.campaign
 def test_the_doubling_locus_ends_on_the_grazing_locus_where_that_one_meets_it(branches, locus_of):
     """Found twice: as a grazing on the PD locus, and as a doubling of the motion without contact on the GR locus."""
     ends, meetings = [], []

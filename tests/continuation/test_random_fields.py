@@ -40,6 +40,7 @@ def assert_alike(campaign, f, start, least, name):
     assert results["points said"] >= 3 * least
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "kind", guarding(["general", "odd", "plane", "ring", "dihedral", "alike"], "general", "dihedral")
 )
@@ -49,6 +50,7 @@ def test_random_fields_have_the_points_of_a_scan_at_three_steps(campaign, kind):
         assert_alike(campaign, f, start, 0, kind)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("number", "points"),
     [(42, 8), (85, 5), (173, 8), (195, 9)],

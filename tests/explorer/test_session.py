@@ -36,6 +36,7 @@ def _same(one, other):
     assert one.script() == other.script()
 
 
+@pytest.mark.campaign
 def test_a_session_comes_back_from_its_folder(session):
     _same(session, Session.reopened(session.folder))
 
@@ -53,6 +54,7 @@ def test_a_result_that_was_not_yet_written_is_not_in_the_notes(session, tmp_path
     assert [entry.name for entry in Session.reopened(copy.folder).entries] == ["orbit1", "branch1", "locus1"]
 
 
+@pytest.mark.campaign
 def test_undo_takes_back_the_last_step_and_what_pointed_to_it(session, tmp_path):
     copy = Session.unpacked(session.packed(tmp_path / "session.nc"), new_folder(tmp_path))
     assert copy.undo().name == "locus1"
@@ -77,6 +79,7 @@ def test_the_script_of_a_session_makes_the_same_numbers(session, tmp_path):
     assert (tmp_path / "diagram.png").stat().st_size > 10_000
 
 
+@pytest.mark.campaign
 def test_sessions_are_listed_newest_first_and_damaged_ones_left_out(session, tmp_path):
     copy = Session.unpacked(session.packed(tmp_path / "session.nc"), new_folder(tmp_path))
     later = Session.unpacked(tmp_path / "session.nc", new_folder(tmp_path))

@@ -78,6 +78,7 @@ def linear_data(noise=0.0, seed=0):
     return {"w": w, Z: linear(w) + noise * (rng.normal(size=15) + 1j * rng.normal(size=15))}
 
 
+@pytest.mark.campaign
 def test_of_a_linear_oscillator_the_fit_and_its_error_are_those_of_linear_least_squares(duffing):
     sigma = 0.5  # large, so that the loss is that of least squares
     data = linear_data(0.01)
@@ -134,6 +135,7 @@ def test_jumps_in_the_data_are_those_of_the_model_and_are_fitted(found, true_bra
     assert found.data["special_residual"].shape == (2,)
 
 
+@pytest.mark.campaign
 def test_derivatives_of_all_residuals_are_those_of_differences_also_beyond_the_end_of_a_sheet(duffing, sweep):
     measured = read_measured(sweep, "w", duffing, {Z: 0.02}, {}, {})
     points = [*jumps_in(measured), MeasuredPoint("SN", 2.0, 0.01)]
@@ -155,6 +157,7 @@ def test_derivatives_of_all_residuals_are_those_of_differences_also_beyond_the_e
         assert np.abs(differences - here.jacobian[:, j]).max() < 1e-4 * size
 
 
+@pytest.mark.campaign
 def test_parameters_that_enter_only_together_are_told_in_words(duffing):
     data = linear_data()
     one = fit(data, branch_of(duffing, b=0.0, A=0.6), {"A": (0.1, 2.0), "g": (0.5, 2.0), "c": (0.01, 1.0)}, {Z: 0.01})
@@ -167,6 +170,7 @@ def test_parameters_that_enter_only_together_are_told_in_words(duffing):
     assert "not told by the data" in repr(one)
 
 
+@pytest.mark.campaign
 def test_strong_correlation_is_told_and_profiled(duffing):
     data = linear_data(0.01)
     narrow = {"w": data["w"][:4], Z: data[Z][:4]}
@@ -228,6 +232,7 @@ def impacting():
     )  # fmt: skip
 
 
+@pytest.mark.campaign
 def test_restitution_and_damping_of_an_impact_oscillator(impacting):
     def traced(**changes):
         return continue_orbit(find_orbit(impacting, {"w": 0.9, **changes}, [0.0, 0.0]), "w", (0.7, 1.3))
@@ -242,6 +247,7 @@ def test_restitution_and_damping_of_an_impact_oscillator(impacting):
     assert one.values == pytest.approx([0.8, 0.1], rel=1e-5)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("direction", ["", "up"])
 def test_a_measured_grazing_tells_the_gap(impacting, direction):
     """The free amplitude is d at the grazing, which the closed form has."""

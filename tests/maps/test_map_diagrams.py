@@ -71,6 +71,7 @@ def test_the_other_branch_of_a_plane_map_is_its_point_0_and_not_rounding_of_it()
     assert not trivial.points.any()
 
 
+@pytest.mark.campaign
 def test_a_diagram_of_a_map_is_saved_loaded_listed_and_told(of_logistic, tmp_path):
     assert saltus.load(of_logistic.save(tmp_path / "diagram.nc")) == of_logistic
     table = of_logistic.table()

@@ -170,6 +170,7 @@ def test_an_orbit_is_not_carried_to_another_sheet(driven, response):
     assert there.orbit.max["x"] == pytest.approx(upper.max["x"], rel=1e-9)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("w", [0.8, 1.2, 2.0])
 def test_the_peak_of_a_duffing_oscillator_from_several_starts_and_from_the_branch(duffing, response, w):
     start = max(response.at(w), key=lambda orbit: orbit.max["x"])
@@ -217,6 +218,7 @@ def test_the_slowest_impact_and_an_active_grazing_of_an_impact_oscillator(impact
     assert max(map(abs, ended.orbit.multipliers)) < 1.0
 
 
+@pytest.mark.campaign
 def test_a_gap_of_a_tapping_cantilever_is_kept(afm1):
     start = find_orbit(afm1, {"Omega": 1.0}, [0.0, 0.0])
 

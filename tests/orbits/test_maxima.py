@@ -170,6 +170,7 @@ def test_slopes_of_the_reach_of_duffings_oscillator(duffing: HybridSystem, param
     assert found == pytest.approx(wanted, rel=DIFFERENCED)
 
 
+@pytest.mark.campaign
 def test_folds_and_greatest_reach_of_duffings_oscillator(duffing: HybridSystem) -> None:
     branch = continue_orbit(swept(duffing)({}), "w", (0.3, 3.0))
     folds = [(point.parameters["w"], point.orbit.max["x"]) for point in branch.special_points.of_type("SN")]

@@ -42,6 +42,7 @@ def test_names_reach_fields_trajectories_and_observables(named):
     assert found[f"amplitude({x}, 1)"] == pytest.approx(3.0 / math.sqrt(5.0), rel=1e-2)  # the start dies out
 
 
+@pytest.mark.campaign
 def test_names_reach_orbits_branches_their_files_and_pictures(named, tmp_path):
     (x, k, w, a, theta, power), system = named
     orbit = saltus.find_orbit(system, {}, [0.5])

@@ -208,6 +208,7 @@ def test_the_ways_go_on_through_a_grazing_between_two_stable_motions():
     ]
 
 
+@pytest.mark.campaign
 def test_jumps_do_not_depend_on_how_wide_the_range_is(lever, curve, tune):
     wide = afm.distance_curve(lever, (0.5, 14000.0))
     np.testing.assert_allclose([jump[1:] for jump in wide.jumps], [jump[1:] for jump in curve.jumps], rtol=1e-8)
@@ -218,6 +219,7 @@ def test_jumps_do_not_depend_on_how_wide_the_range_is(lever, curve, tune):
         )
 
 
+@pytest.mark.campaign
 def test_a_tip_that_is_pressed_into_a_sample_without_attraction_is_not_pulled_in():
     probe = afm.Probe(k_N_m=0.05, f0_kHz=3.0, Q=2.0, R_nm=2000.0)
     system = afm.model(probe, afm.Hertz(E_GPa=1e-5), afm.Drive(A0_nm=50.0), Zc_nm=100.0)
@@ -248,6 +250,7 @@ def stable_at(curve, value):
     return sorted(afm.observables(orbit)["amplitude_nm"] for orbit in curve.at(value) if orbit.stable)
 
 
+@pytest.mark.campaign
 def test_motions_and_jumps_of_a_frequency_curve_do_not_depend_on_its_range(lever, tune):
     """At 302 kHz a tip at rest settles on the small motion, and one that comes from the resonance has the large one."""
     at = {**lever.parameters, "Zc_nm": 8.5, "f_kHz": 302.0}
@@ -260,6 +263,7 @@ def test_motions_and_jumps_of_a_frequency_curve_do_not_depend_on_its_range(lever
     np.testing.assert_allclose(stable_at(tune, 302.0), [small, 10.3606], atol=1e-4)
 
 
+@pytest.mark.campaign
 def test_a_soft_lever_has_its_motions_in_permanent_contact_whatever_the_range():
     """Pressed in by the spring and held by the attraction, the tip follows the drive at rest in the contact."""
     system = afm.model(afm.Probe(k_N_m=0.3, f0_kHz=20.0, Q=100.0, R_nm=10.0), LAW, afm.Drive(A0_nm=10.0), Zc_nm=8.5)
@@ -272,6 +276,7 @@ def test_a_soft_lever_has_its_motions_in_permanent_contact_whatever_the_range():
     assert wide.ways[0].stopped.endswith("static pull-in: beyond, the tip stays in contact")
 
 
+@pytest.mark.campaign
 def test_a_motion_that_taps_beside_those_in_contact_is_found_in_any_range():
     """A stiffer tap beside the attracted motion: on it settles a tip drawn back, at shares of the free amplitude."""
     probe = afm.Probe(k_N_m=0.3, f0_kHz=20.0, Q=100.0, R_nm=10.0)
@@ -286,6 +291,7 @@ def test_a_motion_that_taps_beside_those_in_contact_is_found_in_any_range():
         )
 
 
+@pytest.mark.campaign
 def test_what_settles_on_no_orbit_is_told_and_kept(tune, tmp_path):
     told = replace(tune, failures=((300.0, "f_kHz = 300, from rest: the motion is chaotic"),))
     with pytest.warns(RuntimeWarning, match=r"missing at f_kHz = 300\.3: f_kHz = 300, from rest: the .* chaotic$"):

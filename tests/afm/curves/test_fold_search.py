@@ -166,6 +166,7 @@ def test_radius_from_the_critical_amplitude(lever, start):
     assert afm.tip_radius(lever, CRITICAL, parameters={"R_nm": start}) == pytest.approx(RADIUS, abs=1e-5)
 
 
+@pytest.mark.campaign
 def test_radius_of_another_tip_comes_back(lever):
     amplitude = afm.bistability(lever, parameters={"R_nm": 7.0}).critical_amplitude_nm
     assert afm.tip_radius(lever, amplitude) == pytest.approx(7.0, abs=1e-8)

@@ -65,6 +65,7 @@ def test_three_unknowns_are_found_by_a_distance_curve():
     assert abs(found.correlation.loc["H_aJ", "E_GPa"]) > 0.5
 
 
+@pytest.mark.campaign
 def test_the_radius_enters_as_a_product_and_a_root_only(tune, folds):
     """R dA/dR = H dA/dH + E/2 dA/dE: the data do not change along H -1 %, R +1 %, E -0.5 %."""
     data = swept(tune, np.linspace(298.9, 300.5, 5))
@@ -75,6 +76,7 @@ def test_the_radius_enters_as_a_product_and_a_root_only(tune, folds):
     assert all(np.isinf(error) for error in found.errors.values())
 
 
+@pytest.mark.campaign
 def test_frequencies_in_hertz_and_lags_of_another_turn_are_the_same_data(tune, folds):
     data = swept(tune, np.linspace(298.9, 300.5, 5))
     same = {"f_Hz": 1e3 * np.array(data["f_kHz"]), "amplitude_nm": data["amplitude_nm"], "direction": data["direction"]}

@@ -68,6 +68,7 @@ def test_small_forces_shift_the_frequency_as_giessibl_says(lever):
         np.testing.assert_allclose(found.column("shift_Hz"), wanted, rtol=error)
 
 
+@pytest.mark.campaign
 def test_shift_in_contact_is_the_weighted_force_too():
     stiff = afm.frequency_shift(stiffened(CONSERVATIVE), (9.6, 10.4), A, points=5)
     wanted = [giessibl(STIFF, Zc) for Zc in stiff.column("Zc_nm")]
@@ -75,6 +76,7 @@ def test_shift_in_contact_is_the_weighted_force_too():
     assert stiff.column("peak_force_nN")[-1] > 0.0
 
 
+@pytest.mark.campaign
 def test_a_conservative_law_takes_no_excitation(curve):
     np.testing.assert_allclose(curve.column("excitation_nm"), A, rtol=1e-9)
     np.testing.assert_allclose(curve.column("E_ts_eV"), 0.0, atol=1e-8)

@@ -76,6 +76,7 @@ def test_loss_of_a_standard_linear_solid_that_stays_in_contact_is_that_of_its_lo
     assert found == pytest.approx(math.pi * A**2 * 4.0 * (omega / 4.0) / (1.0 + (omega / 4.0) ** 2) * EV, rel=1e-9)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("c", [0.3, 1.0, 30.0])
 def test_loss_of_a_standard_linear_solid_that_is_tapped(c):
     k1, k2, A, Zc, f = 2.0, 4.0, 10.0, 9.0, 70.0

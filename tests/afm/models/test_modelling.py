@@ -351,6 +351,7 @@ def test_adhesive_contact(schwarz):
     assert_energies_balance(seen)
 
 
+@pytest.mark.campaign
 def test_adhesion_costs_the_same_along_branches(schwarz):
     orbit = saltus.find_orbit(schwarz, x0=[0.0, 0.0])
     for name, bounds in (("w1_N_m", (0.02, 0.08)), ("R_nm", (5.0, 30.0))):
@@ -490,6 +491,7 @@ def test_standard_linear_solid():
 # several modes and drives, shaken base
 
 
+@pytest.mark.campaign
 def test_two_modes_with_a_drive_each():
     probe = afm.Probe(k_N_m=(2.0, 2.0 * 6.267**2), f0_kHz=(70.0, 70.0 * 19.0 / 3.0), Q=(150.0, 450.0), R_nm=10.0)
     law = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.2) + afm.DMT(E_GPa=2.0) + afm.Dashpot(c_uNs_m=0.0)

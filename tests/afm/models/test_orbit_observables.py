@@ -63,6 +63,7 @@ def test_a_shown_phase_far_above_resonance_stays_in_its_range(lever):
     assert seen["shown_phase_deg"] == pytest.approx(90.0 - seen["lag_deg"], abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_columns_paths_files_and_pictures_of_a_curve_have_its_convention(curve, tmp_path):
     np.testing.assert_allclose(curve.column("shown_phase_deg"), 90.0 - curve.column("lag_deg"), atol=1e-10)
     path = curve.path("approach")

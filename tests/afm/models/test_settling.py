@@ -51,6 +51,7 @@ def test_a_motion_that_is_lost_is_told_with_the_reason():
     assert settled(system, system.parameters, [-1.0, 0.0]).startswith("the motion is lost: ")
 
 
+@pytest.mark.campaign
 def test_a_way_says_what_the_motion_does_where_no_orbit_goes_on(necks):
     """The free motion ends where the first neck forms, and a few necks a hundred periods follow."""
     curve = afm.distance_curve(necks, (39.0, 45.0))
@@ -59,6 +60,7 @@ def test_a_way_says_what_the_motion_does_where_no_orbit_goes_on(necks):
     assert "no convergence" not in curve.ways[0].stopped
 
 
+@pytest.mark.campaign
 def test_a_way_may_end_just_before_the_range_does():
     """The motion beyond the end of the sheet is out of the range, and no sheet."""
     probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=20.0)
@@ -86,6 +88,7 @@ def test_a_sheet_onto_which_no_way_jumps_is_found(name, place, amplitude, tmp_pa
     assert not any(jump.after_nm == pytest.approx(amplitude, abs=1e-3) for jump in curve.jumps)
 
 
+@pytest.mark.campaign
 def test_a_sheet_with_only_a_corner_in_the_range_is_found_without_and_with_further_starts(tmp_path):
     """A range in which the closed sheet of a viscous sample has only its end, at the lower bound."""
     path = tmp_path / "set.toml"
@@ -101,6 +104,7 @@ def test_a_sheet_with_only_a_corner_in_the_range_is_found_without_and_with_furth
             afm.distance_curve(whole.system, bounds, starts=wrong)
 
 
+@pytest.mark.campaign
 def test_motions_are_sought_where_no_motion_of_the_curve_is_stable(necks):
     """Below the first neck motions of many necks follow each other; far below they have two in three periods."""
     curve = afm.distance_curve(necks, (20.0, 45.0))

@@ -128,6 +128,7 @@ def test_the_tip_s_apex_and_the_moving_points_are_the_motion(orbit):
         assert scene._pushed.get_xydata()[0] == pytest.approx([motion.t[frame], motion.force[frame]])
 
 
+@pytest.mark.campaign
 def test_a_gif_has_all_frames_runs_for_ever_and_is_white(orbit, tmp_path):
     said = []
     path = animate(
@@ -149,6 +150,7 @@ def test_a_gif_has_all_frames_runs_for_ever_and_is_white(orbit, tmp_path):
             assert film.convert("RGB").getpixel((2, 2)) == (255, 255, 255)
 
 
+@pytest.mark.campaign
 def test_true_shows_a_bar_of_the_frames(orbit, tmp_path, capsys):
     animate(orbit, tmp_path / "tap.gif", setup=SETUP, fps=10, seconds=0.5, width=320, progress=True)
     out, err = capsys.readouterr()
@@ -177,6 +179,7 @@ def test_an_mp4_without_its_encoder_names_the_extra(orbit, tmp_path, monkeypatch
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.campaign
 def test_an_mp4_is_written(orbit, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     path = animate(orbit, tmp_path / "tap.mp4", setup=SETUP, fps=24, seconds=0.5, width=320)

@@ -200,6 +200,7 @@ def narrow_well():
     return HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": f"-x - 2*v - {well}"})}, phase=("s", "1"))
 
 
+@pytest.mark.campaign
 def test_a_small_attractor_beside_a_large_one_is_found_and_its_states_are_not_in_the_others_trap():
     found = find_attractors(narrow_well(), {}, {"x": (-2, 2), "v": (-2, 2)}, options=AttractorOptions(samples=2000))
     places = [float(points[0, 0]) for points in found.points.values()]

@@ -135,6 +135,7 @@ def test_a_border_that_is_no_axis_is_exact():
     assert clear.mean() > 0.99
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("slope", [1.5, 1.8, 1.99])
 def test_the_basin_of_the_tent_map_is_the_unit_interval(slope):
     basins = map_basins(TENT, {"a": slope}, {"x": (-0.5, 1.5, 2000)})
@@ -187,6 +188,7 @@ def test_a_map_that_keeps_areas_has_no_attractor():
         find_attractors(standard, {}, SQUARE)
 
 
+@pytest.mark.campaign
 def test_a_closed_curve_is_a_quasi_periodic_attractor():
     delayed = Map(("x", "y"), {"r": 2.05}, {"x": "r*x*(1 - y)", "y": "x"})
     found = find_attractors(delayed, {}, {"x": (0.3, 0.7), "y": (0.3, 0.7)})

@@ -44,6 +44,7 @@ def resonant(forced):
     return map_basins(forced, {}, {"x": (-10, 10, 40), "v": (-10, 10, 40)}, QUICK)
 
 
+@pytest.mark.campaign
 def test_no_cell_of_a_weakly_damped_oscillator_is_undecided(resonant):
     assert resonant.attractors.names == ("period-1 A", "period-1 B")
     assert resonant.fractions()["undecided"] == 0.0
@@ -55,6 +56,7 @@ def test_no_cell_of_a_weakly_damped_oscillator_is_undecided(resonant):
     assert f"longest {resonant.inputs['longest']} periods: 4 times the" in repr(resonant)
 
 
+@pytest.mark.campaign
 def test_why_cells_are_undecided_is_told_and_kept(forced, resonant, tmp_path):
     grid = {"x": (-10, 10, 20), "v": (-10, 10, 20)}
     short = map_basins(forced, {}, grid, resonant.attractors, options=BasinOptions(longest=50))

@@ -62,6 +62,7 @@ def test_the_map_of_lanes_is_that_of_the_event_driven_flow(accuracy):
     assert error.percentile_99 <= accuracy.PERCENTILE_99
 
 
+@pytest.mark.campaign
 def test_the_map_of_lanes_is_that_of_another_solver(accuracy):
     error = accuracy.map_error_by_scipy(30, seed=9)
     assert error.median <= accuracy.MEDIAN

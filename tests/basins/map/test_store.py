@@ -196,6 +196,7 @@ map_basins(well, {}, BOX, wells(well), path=sys.argv[1], progress=lambda told: t
 """
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
 def test_a_run_that_was_killed_goes_on_and_gives_the_identical_array(well, both, basins, small_units, tmp_path):
     path = tmp_path / "a.zarr"
@@ -266,6 +267,7 @@ def test_a_store_of_other_attractors_is_refused(stored, well, both):
         map_basins(well, {}, BOX, renamed, path=stored.path)
 
 
+@pytest.mark.campaign
 def test_a_store_is_resumed_with_the_search_for_attractors_that_made_it_or_without_one(well, tmp_path):
     path, search = tmp_path / "a.zarr", {"options": AttractorOptions(starts=12, samples=200)}
     found = map_basins(well, {}, BOX, search, path=path)

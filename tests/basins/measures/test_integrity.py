@@ -118,6 +118,7 @@ def test_blocks_cover_an_array_once_and_keep_units_whole():
         assert (seen == 1).all()
 
 
+@pytest.mark.campaign
 def test_a_volume_read_in_many_blocks_is_that_read_at_once():
     labels = RANDOM.integers(0, 2, (2900, 2900, 3))  # more cells than a block
     basins = kb.basins(labels)

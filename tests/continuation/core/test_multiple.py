@@ -51,6 +51,7 @@ def test_three_transcritical_branches_leave_a_triangle():
         np.testing.assert_allclose(solution.state, np.multiply(line, solution.parameters["a"]), rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.campaign
 def test_thirteen_axes_leave_a_cube():
     """Three to faces, six to edges, four to corners."""
     cube = saltus.HybridSystem.smooth(

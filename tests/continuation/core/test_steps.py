@@ -419,6 +419,7 @@ def test_beyond_a_grazing_that_makes_two_halves_alike_the_orbit_is_followed_once
     assert_motions(branch)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("index", [0, 3, 9])
 def test_a_branch_leaves_a_grazing_of_two_halves_by_the_contact_that_ends_from_any_start(index):
     branch = continue_orbit(tapping(*FOUR_TURNS), "D_rep_2", (6.0, 8.0))
@@ -439,6 +440,7 @@ def nerve():
     return switch_branch(rests["HB1"])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("stretch", [0.93, 0.98, 1.0, 1.01, 1.02, 1.07])
 def test_a_step_that_ended_far_away_leaves_nothing_to_the_shorter_ones(nerve, stretch):
     steps = StepControl(initial=0.01 * stretch, largest=0.1 * stretch)

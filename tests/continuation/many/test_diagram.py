@@ -62,6 +62,7 @@ def test_a_doubling_is_told_once_though_two_branches_share_it(of_lure):
     assert [point.label for point in of_lure.special_points] == ["HB1", "PD1", "PD2"]
 
 
+@pytest.mark.campaign
 def test_cycles_between_two_hopf_points_are_followed_once(nagumo):
     found = diagram(nagumo, "I0", (-1.0, 3.0), x0=[-1.2, -0.6])
     assert kinds(found) == ["equilibria", "orbits"]

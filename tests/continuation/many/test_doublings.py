@@ -167,6 +167,7 @@ def test_a_cascade_ends_at_a_grazing_whatever_the_steps(logistic):
 # files
 
 
+@pytest.mark.campaign
 def test_a_cascade_is_saved_and_read_back_equal(cascade, tmp_path):
     again = saltus.load(cascade.save(tmp_path / "cascade.nc"))
     assert isinstance(again, saltus.results.Cascade)

@@ -243,6 +243,7 @@ def test_a_dask_cluster_computes_the_same_family(orbit, family):
         assert continue_family(orbit, "A", {"d": GAPS}, BOUNDS, client=client) == family
 
 
+@pytest.mark.campaign
 def test_an_interrupted_dask_cluster_keeps_what_is_done(orbit):
     distributed = pytest.importorskip("distributed")
 
@@ -453,6 +454,7 @@ def test_the_dataset_is_a_contiguous_ragged_array(family):
         assert special.tolist() == [point.label for point in branch.special_points]
 
 
+@pytest.mark.campaign
 def test_a_parameter_with_the_name_of_a_variable_is_kept_beside_it(tmp_path):
     system = systems.carried_map(("x",), {"a": 2.5, "period": 1.0, "point": 0.0}, LOGISTIC)
     start = solve_orbit(system, {}, [("carry", "map", [0.6, 0.0], 1.0)])

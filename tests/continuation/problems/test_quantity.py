@@ -164,6 +164,7 @@ def test_a_family_goes_on_through_a_grazing_at_an_elastic_wall():
     assert (branch.signature(0), branch.signature(-1)) == ((("free", "wall"),), (("free", ""),))
 
 
+@pytest.mark.campaign
 def test_a_freed_parameter_follows_the_branch_along_that_parameter(response):
     freed, plain = response
     assert [p.type for p in freed.special_points.of_type("SN", "TP")] == ["SN", "SN"]
@@ -219,6 +220,7 @@ def test_shares_of_time_periods_and_speeds_are_events():
     assert along["period1"].parameters["w"] == pytest.approx(2.0 * math.pi / 7.0, rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_file_keeps_a_branch_along_a_quantity(response, swinging, tmp_path):
     half = continue_orbit(swinging, "period", (6.0, 9.0), events={"mean(v**2)": 0.3})
     rare = continue_orbit(swinging, "amplitude(x, 1)", (0.9, 1.1))
@@ -250,6 +252,7 @@ def test_cycles_shrink_to_their_hopf_point_along_their_size():
     assert branch["HB1"].orbit.period == pytest.approx(2.0 * math.pi, rel=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_freed_parameter_keeps_to_its_bounds():
     field = {"x": "v", "v": "-0.1*v - x - x**3 + A*cos(s)"}
     system = HybridSystem.smooth(field, {"A": 0.3, "w": 1.2}, phase=("s", "w"), positive=["A"])

@@ -50,12 +50,14 @@ def test_a_file_of_an_older_version_loads(branch, tmp_path):
     assert load(written(tmp_path / "older.nc", dataset)) == branch
 
 
+@pytest.mark.campaign
 def test_a_file_that_cannot_be_read_tells_which_version_wrote_it(branch, tmp_path):
     dataset = tagged(branch).assign_attrs(saltus_version="0.0.9").drop_vars("multiplier_re")
     with pytest.raises(InputError, match=r"saltus 0\.0\.9 wrote it, this is .*: load it with that version"):
         load(written(tmp_path / "older.nc", dataset))
 
 
+@pytest.mark.campaign
 def test_a_file_of_this_version_does_not_tell_of_versions(branch, tmp_path):
     dataset = tagged(branch).drop_vars("multiplier_re")
     with pytest.raises(InputError) as caught:

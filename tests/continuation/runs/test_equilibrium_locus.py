@@ -255,6 +255,7 @@ def test_directions_and_stop_at():
     assert stopped.values[-1] == pytest.approx([0.0, 0.0], abs=1e-11)
 
 
+@pytest.mark.campaign
 def test_any_point_of_a_locus_starts_another():
     locus = _locus()
     again = continue_locus(locus.point(3), ("b1", "b2"), WINDOW)
@@ -285,6 +286,7 @@ def test_progress_is_told_and_an_interrupt_keeps_what_is_done():
     assert 3 <= len(locus) <= 5
 
 
+@pytest.mark.campaign
 def test_a_saved_locus_is_loaded_as_it_was(tmp_path, bazykin):
     for locus in (*bazykin.values(), _locus()):
         again = saltus.load(locus.save(tmp_path / "locus.nc"))

@@ -166,6 +166,7 @@ def test_every_special_point_lies_in_a_zoom_without_overlap(found):
                 assert np.linalg.norm(place - there) * 72.0 / figure.dpi > 5.0
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("moment", "done"), [("Omega = ", 60), ("drawing", 0)])
 def test_an_interrupted_run_keeps_what_it_has(tmp_path, moment, done):
     def say(progress):

@@ -149,6 +149,7 @@ def test_a_start_at_a_branch_point_is_refused_with_the_cure() -> None:
         continue_orbit(branch["BP1"].orbit, "A", (1.0, 4.0))
 
 
+@pytest.mark.campaign
 def test_small_cycles_with_a_fast_decay_shrink_to_their_hopf_point() -> None:
     """Oxidation of CO on platinum, Bykov, Yablonskii, Kim, Dokl. Akad. Nauk SSSR 242 (1978) 637."""
     free = "(1 - x - y - s)"

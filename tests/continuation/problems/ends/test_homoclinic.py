@@ -85,6 +85,7 @@ def planar() -> Branch:
     return takens()
 
 
+@pytest.mark.campaign
 def test_lorenz_homoclinic_orbit_is_that_in_print(lorenz: Branch) -> None:
     point = lorenz["HOM1"]
     assert point.parameters["r"] == pytest.approx(13.926557407520, abs=2e-11)
@@ -122,6 +123,7 @@ def test_long_cycles_multiplier_grows_like_the_saddle_quantity(planar: Branch) -
     assert np.all(np.abs(planar.multipliers[:4, 0]) < 1e-30)
 
 
+@pytest.mark.campaign
 def test_planar_homoclinic_orbit_is_where_the_unstable_manifold_closes(planar: Branch) -> None:
     def inwards(b1: float) -> bool:
         saddle = 0.5 + math.sqrt(0.25 - b1)
@@ -135,6 +137,7 @@ def test_planar_homoclinic_orbit_is_where_the_unstable_manifold_closes(planar: B
     assert planar["HOM1"].parameters["b1"] == pytest.approx(known, abs=1e-9)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("time", "length"), [(1e-3, 1e6), (1e4, 1e-5)])
 def test_units_of_time_and_length_change_no_homoclinic_orbit(planar: Branch, time: float, length: float) -> None:
     point, known = takens(time, length)["HOM1"], planar["HOM1"]
@@ -194,6 +197,7 @@ def membrane(phi: float) -> Branch:
     return branch_of(MEMBRANE, {"I": 60.0, "phi": phi}, "I", (-100.0, 300.0), [0.0, 0.2])
 
 
+@pytest.mark.campaign
 def test_membrane_of_class_one_ends_at_the_saddle_node_on_a_circle() -> None:
     def current(V: float) -> float:
         w = 0.5 * (1.0 + math.tanh((V - 12.0) / 17.4))
@@ -248,6 +252,7 @@ def test_membrane_that_spikes_slowly_ends_at_a_homoclinic_orbit() -> None:
     assert saddle.kind == "saddle (1 unstable)"
 
 
+@pytest.mark.campaign
 def test_end_of_a_branch_of_long_cycles_does_not_hang_on_the_last_bits() -> None:
     branches = [membrane(0.23 * (1.0 + moved)) for moved in (-1e-13, 0.0, 1e-13)]
     known = branches[1]["HOM1"].parameters["I"]
@@ -276,6 +281,7 @@ def test_heteroclinic_cycle_is_told_in_words() -> None:
     assert not branch.special_points.of_type("HOM", "SNIC")
 
 
+@pytest.mark.campaign
 def test_files_keep_the_homoclinic_orbit(planar: Branch, tmp_path: Path) -> None:
     planar.save(tmp_path / "branch.nc")
     again = saltus.load(tmp_path / "branch.nc")
@@ -292,6 +298,7 @@ def test_no_saddle_node_is_near_a_state_whose_rates_are_beyond_all_numbers():
     assert saddle_node_near(rest, np.array([1e3]), 1.0, np.ones(1)) is None
 
 
+@pytest.mark.campaign
 def test_orbits_next_to_a_homoclinic_one_are_given():
     cycles = branch_of(LORENZ, {"sigma": 10.0, "b": 8.0 / 3.0, "r": 20.0}, "r", (10.0, 30.0), [7.0, 7.0, 19.0])
     assert [point.type for point in cycles.special_points] == ["HOM", "HB"]
