@@ -89,6 +89,7 @@ def _where(image, colour):
 
 
 @needs_renderer
+@pytest.mark.campaign
 def test_the_section_is_seen_where_its_cells_are():
     """A block of another label at the corner of low q and high v, seen from above and through the projection."""
     labels = np.zeros((20, 20, 20))
@@ -127,6 +128,7 @@ def test_ticks_are_at_their_values_and_coordinates_have_names():
 
 
 @needs_renderer
+@pytest.mark.campaign
 def test_an_edge_that_is_seen_end_on_has_a_name_but_no_ticks():
     texts = [text.get_text() for text in Volume(_ball(10, 0.6), "swing").draw(azimuth=1.0, elevation=5.0).texts]
     assert {"$q$", "$v$", "$w$"} <= set(texts)

@@ -99,6 +99,7 @@ def test_loss_of_a_stiff_lever_is_that_of_a_prescribed_motion():
         assert loss == pytest.approx(DAMPED.energy_per_cycle_eV(Zc_nm=Zc, A_nm=A, f_kHz=300.0, R_nm=12.0), rel=2e-4)
 
 
+@pytest.mark.campaign
 def test_a_drive_at_the_shifted_frequency_makes_the_same_motion(lever, curve):
     row = int(np.argmin(np.abs(curve.column("Zc_nm") - 11.0)))
     f = 300.0 + 1e-3 * curve.column("shift_Hz")[row]

@@ -29,6 +29,7 @@ _DOMAIN = Monitor("domain")  # domain function of the mode
 
 # test functions that must keep their signs where many steps are taken at once
 _QUIET = tuple(Monitor(kind) for kind in ("SN", "BP", "HB", "low", "high"))
+_ALL_QUIET = frozenset(_QUIET)
 
 
 def row_units(J: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -91,9 +92,9 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
     def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
         """Return many points at once, as far as nothing happens, and the length of the step behind the last one.
 
-        Only where no other test functions than `_QUIET` are watched: in a mode without surfaces, without users' events.
+        Only where no other test functions than these are watched: in a mode without surfaces, without users' events.
         """
-        if not point.examined.monitors.keys() <= set(_QUIET) or self._origin is None or self.rows is None:
+        if not point.examined.monitors.keys() <= _ALL_QUIET or self._origin is None or self.rows is None:
             return [], step
         known = self.interest, self.sizes, self._origin, self.rows
         found = Stretch(self.problem, before, point, step, control, known)
