@@ -267,3 +267,13 @@ def test_whole_modules_have_the_bits_of_numba(name, kind):
                 function(k, m, x, out if tree.name == "derive" else p, out)
                 found.append(out.tobytes())
             assert found[0] == found[1], (tree.name, k, m, size)
+
+
+def test_sums_and_choices_of_any_length_are_compiled():
+    terms = "".join(f" + p[{i}]*x[{i}]" for i in range(1, 2000))
+    choices = "".join(f"\nelif m == {j}:\n    out[1] = {j}.0" for j in range(1, 500))
+    machine = lowered(ast.parse(text_of(f"out[0] = p[0]*x[0]{terms}\nif m == 0:\n    out[1] = 0.0{choices}")).body[0])
+    x = np.arange(2000.0)
+    found = results(machine, m=437, x=x, p=1.0 + x)
+    assert found[0] == float(np.sum(x * (1.0 + x)))
+    assert found[1] == 437.0

@@ -12,7 +12,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -141,15 +141,24 @@ class _Lowering:
         return [self._code.append_basic_block() for _ in range(count)]
 
     def _branch(self, statement: ast.If) -> None:
-        yes, no, behind = self._blocks(3)
-        self._builder.cbranch(self._value(statement.test), yes, no)
-        for block, body in ((yes, statement.body), (no, statement.orelse)):
-            before = dict(self._names)
-            self._builder.position_at_end(block)
-            self._statements(body)
-            self._builder.branch(behind)
-            self._names = before
+        (behind,), before = self._blocks(1), self._names
+        body: list[ast.stmt] = [statement]
+        while len(body) == 1 and isinstance(chosen := body[0], ast.If):  # each `elif`: there may be hundreds
+            yes, no = self._blocks(2)
+            self._builder.cbranch(self._value(chosen.test), yes, no)
+            self._builder.position_at_end(yes)
+            self._apart(chosen.body, before, behind)
+            self._builder.position_at_end(no)
+            body = chosen.orelse
+        self._apart(body, before, behind)
         self._builder.position_at_end(behind)
+
+    def _apart(self, body: Sequence[ast.stmt], before: Mapping[str, Any], behind: ir.Block) -> None:
+        """Write statements of whose names nothing is seen behind them."""
+        self._names = dict(before)
+        self._statements(body)
+        self._builder.branch(behind)
+        self._names = dict(before)
 
     def _loop(self, counter: str, stop: ast.expr, body: Sequence[ast.stmt]) -> None:
         test, inside, behind = self._blocks(3)
@@ -214,7 +223,16 @@ class _Lowering:
         return self._applied(operator.neg, self._as_float(value))
 
     def _operation(self, node: ast.BinOp) -> Any:
-        left, right, kind = self._value(node.left), self._value(node.right), type(node.op)
+        terms = [node]  # a long sum is nested to the left
+        while isinstance(terms[-1].left, ast.BinOp):
+            terms.append(terms[-1].left)
+        value = self._value(terms[-1].left)
+        for term in reversed(terms):
+            value = self._combined(term, value, self._value(term.right))
+        return value
+
+    def _combined(self, node: ast.BinOp, left: Any, right: Any) -> Any:
+        kind = type(node.op)
         if kind in _OF_INTEGERS and left.type == right.type == _INTEGER:
             return getattr(self._builder, _OF_INTEGERS[kind])(left, right)
         left, right = self._as_float(left), self._as_float(right)
