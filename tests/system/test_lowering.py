@@ -18,6 +18,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic
 
 import systems
+from saltus import HybridSystem, Mode, simulate
 from saltus.system.cache import read_checked
 from saltus.system.compiled import FLOW, SECOND_DERIVATIVES, SERIES
 from saltus.system.generated import source_file
@@ -163,7 +164,7 @@ def test_elementary_functions_have_the_bits_of_numba(elementary):
     random = np.random.default_rng(5).normal(size=200).tolist()
     for a in SPECIAL + random:
         assert results(machine, x=[a]).tobytes() == results(numbas, x=[a]).tobytes()
-    whole = [number for number in SPECIAL if abs(number) < 1e18]  # Numba's floor is an integer
+    whole = [number for number in SPECIAL if abs(number) < 1e18]  # Numba's floor is an integer, which overflows
     for a, b in [*itertools.product(SPECIAL, whole), *zip(random, random[::-1], strict=True)]:
         assert results(machine_2, x=[a, b]).tobytes() == results(numbas_2, x=[a, b]).tobytes()
 
@@ -192,6 +193,17 @@ def test_a_sum_of_products_is_that_of_exact_arithmetic(count):
         ("out[0] = True", "True"),
         ("out[0] = 'a'", "'a'"),
         ("out[0] = cosine(x[0])", "cosine"),
+        ("out[0] = math.foo(x[0])", "math.foo"),
+        ("out[0] = math.e", "math.e"),
+        ("out[0] = x[0] > 1.0", "a number of LLVM's type i1"),
+        ("out[0] = x", "a number of LLVM's type double"),
+        ("out[0] = x[1.0]", "1.0 where LLVM wants i64"),
+        ("out[0] = 1.0 if x[0] else 2.0", "x\\[0\\] where LLVM wants i1"),
+        ("if k:\n    pass", "k where LLVM wants i1"),
+        ("for c in range(m):\n    pass\nelse:\n    out[0] = 1.0", "for c in range"),
+        ("for k in range(m):\n    pass", "for k in range"),
+        ("out[0] = max(x[0], x[1], key=abs)", "key=abs"),
+        ("out[0] = products()", "products\\(\\)"),
         ("out[0] = [x[0]][0]", "\\[x\\[0\\]\\]"),
     ],
 )
@@ -277,3 +289,20 @@ def test_sums_and_choices_of_any_length_are_compiled():
     found = results(machine, m=437, x=x, p=1.0 + x)
     assert found[0] == float(np.sum(x * (1.0 + x)))
     assert found[1] == 437.0
+
+
+@pytest.mark.parametrize("exponent", [3.0, 2.0**53, 2.0**63, 1e19, 1e300])
+def test_an_exponent_is_whole_however_large(exponent):
+    body = "out[0] = x[0]**x[1] if x[0] >= 0.0 or x[1] == math.floor(x[1]) else 0.5"
+    machine = lowered(ast.parse(text_of(body)).body[0])
+    assert results(machine, x=[-1.0, exponent])[0] == (-1.0) ** exponent
+    assert results(machine, x=[-1.0, 2.5])[0] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("exp(1)*x", math.e * 2.0), ("x*pi", math.pi * 2.0), ("x**exp(1)", 2.0**math.e)]
+)
+def test_constants_of_sympy_are_numbers_in_all_texts(text, value):
+    system = HybridSystem(("x",), {"a": 1.5}, {"m": Mode({"x": f"-a*x + {text}"})}, outputs={"F": text})
+    assert system.field("m", [2.0])[0] == pytest.approx(value - 3.0, rel=1e-15)
+    assert simulate(system, x0=[2.0], t_end=1e-9).output("F", [0.0]) == pytest.approx(value)

@@ -70,6 +70,9 @@ def code_printer(*, clamped: bool) -> Any:
         def _print_Pi(self, expr: Any) -> str:
             return repr(float(sympy.pi))
 
+        def _print_Exp1(self, expr: Any) -> str:
+            return repr(math.e)
+
         def _print_sign(self, expr: Any) -> str:
             return f"math.copysign(1.0, {self._print(expr.args[0])})"
 

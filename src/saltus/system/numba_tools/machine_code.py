@@ -19,6 +19,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+import llvmlite
 import numba
 from numba.core import event, sigutils
 from numba.core.caching import FunctionCache
@@ -91,7 +92,7 @@ class Generated:
     """
 
     def __init__(self, function: FunctionType, fast: bool) -> None:
-        self._function, self._fast = function, fast
+        self._function, self._fast, self._files = function, fast, _files_of(function)
         self._library: Any = None
         self._address: int | None = None
 
@@ -109,15 +110,14 @@ class Generated:
         codegen, text = cpu_target.target_context.codegen(), self._text()
         sources = _digest(lowering.__file__), hashlib.sha256(text).hexdigest()
         key = "generated", codegen.magic_tuple(), sources, self._fast
-        files = _files_of(self._function)
-        if files is not None and (found := files.load(key)) is not None:
+        if self._files is not None and (found := self._files.load(key)) is not None:
             return codegen.unserialize_library(found)
         name = self._function.__name__
         symbol = f"{name}_{hashlib.sha256(repr((key, self._function.__module__)).encode()).hexdigest()[:16]}"
         with event.trigger_event(LOWERED, data={"name": name}):
             library = lowering.library_of(_function_in(text, name), symbol, fast=self._fast)
-        if files is not None:
-            files.save(key, library.serialize_using_object_code())
+        if self._files is not None:
+            self._files.save(key, library.serialize_using_object_code())
         return library
 
     def _text(self) -> bytes:
@@ -194,7 +194,7 @@ class _CheckedFiles:
 
     def _origin(self, key: tuple[Any, ...]) -> bytes:
         """Digest of all that the code depends on."""
-        versions = (numba.__version__, sys.version)
+        versions = (numba.__version__, llvmlite.__version__, sys.version)
         sources = [_digest(file) for file in sorted(set(_files(self._function)))]
         return hashlib.sha256(repr((key, versions, sources)).encode()).digest()
 
