@@ -27,6 +27,7 @@ def held():
     return mutated.samples()
 
 
+@pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # what is computed of an absurd number may be none
 @pytest.mark.parametrize("files", guarding([8, 60], 8))
 def test_files_with_one_thing_changed_are_told_in_a_line_or_can_be_used(held, tmp_path, files):
@@ -89,6 +90,7 @@ def test_signatures_are_made_of_as_many_integers_for_each_segment():
             Signature(*parts)
 
 
+@pytest.mark.campaign
 def test_what_is_wrong_with_a_file_is_said(held, tmp_path):
     def lose(dataset):
         del dataset["step_mode"]
@@ -110,6 +112,7 @@ def test_what_is_wrong_with_a_file_is_said(held, tmp_path):
             load(path)
 
 
+@pytest.mark.campaign
 def test_a_small_file_that_unpacks_to_a_huge_one_is_refused(tmp_path):
     path = tmp_path / "bomb.nc"
     with h5py.File(path, "w") as file:
@@ -120,6 +123,7 @@ def test_a_small_file_that_unpacks_to_a_huge_one_is_refused(tmp_path):
         load(path)
 
 
+@pytest.mark.campaign
 def test_a_damaged_file_of_a_figure_is_told(held, tmp_path):
     path = tmp_path / "fig.nc"
     write_sealed(path, netcdf({"one": tagged(held["orbit"]), "two": tagged(held["branch"])}))
@@ -131,6 +135,7 @@ def test_a_damaged_file_of_a_figure_is_told(held, tmp_path):
         read_results(path)
 
 
+@pytest.mark.campaign
 def test_a_file_that_another_program_has_written_is_read_all_the_same(held, tmp_path, monkeypatch):
     path = held["array"].save(tmp_path / "a.nc")
     path.write_bytes(path.read_bytes()[:-50])

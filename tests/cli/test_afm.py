@@ -77,6 +77,7 @@ def test_a_curve_is_drawn_by_the_command_for_results_too(written, tmp_path, caps
     assert "distance" in picture.read_text()
 
 
+@pytest.mark.campaign
 def test_a_frequency_curve_lies_at_the_distance_of_the_file(lever):
     lever.write_text(LEVER.replace('along = "Zc_nm"\nrange = [0.5, 14.0]', 'along = "f_kHz"\nrange = [299.4, 299.6]'))
     curve = read_experiment(lever).traced()
@@ -126,6 +127,7 @@ def test_an_interrupt_leaves_no_file(lever, capsys, monkeypatch):
     assert {path.name for path in lever.parent.iterdir()} == {"lever.toml"}
 
 
+@pytest.mark.campaign
 def test_a_bar_is_asked_for(lever, capsys, monkeypatch):
     seen = []
 
@@ -146,6 +148,7 @@ def _observed(out: str) -> dict[str, list[str]]:
     return {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.strip()}
 
 
+@pytest.mark.campaign
 def test_the_stable_orbits_at_the_distance_of_the_file_are_told(lever, capsys):
     code, out, err = run_command(capsys, "afm", "observe", str(lever))
     assert (code, err) == (0, "")
@@ -157,6 +160,7 @@ def test_the_stable_orbits_at_the_distance_of_the_file_are_told(lever, capsys):
     assert rows["contact_fraction"] == ["0.139377622", "0.0635933643"]
 
 
+@pytest.mark.campaign
 def test_another_place_and_a_file_without_a_curve(lever, capsys):
     lever.write_text(LEVER.partition("[curve]")[0].replace("Zc_nm = 10.0\n", ""))
     code, out, _ = run_command(capsys, "afm", "observe", str(lever), "--at", "11.6")
@@ -167,6 +171,7 @@ def test_another_place_and_a_file_without_a_curve(lever, capsys):
     assert run_command(capsys, "afm", "observe", str(lever)) == (2, "", wanted)
 
 
+@pytest.mark.campaign
 def test_a_phase_is_told_as_the_instrument_of_the_file_shows_it(lever, capsys):
     lever.write_text(LEVER.replace("range = [0.5, 14.0]", "range = [9.0, 14.0]\nphase_convention = 'bruker0'"))
     code, out, _ = run_command(capsys, "afm", "observe", str(lever))
@@ -174,6 +179,7 @@ def test_a_phase_is_told_as_the_instrument_of_the_file_shows_it(lever, capsys):
     assert _observed(out)["shown_phase_deg"] == ["degrees", "26.7502853", "-34.4512443"]
 
 
+@pytest.mark.campaign
 def test_a_place_beyond_the_curve_is_told(lever, capsys):
     wanted = "saltus: Zc_nm = 99.0: must be between 0.5 and 14, where the curve is\n"
     assert run_command(capsys, "afm", "observe", str(lever), "--at", "99") == (2, "", wanted)
@@ -346,6 +352,7 @@ def test_the_set_of_the_paper_is_its_table():
     assert given["Zc_nm"] == pytest.approx(setup.eta * 1e9)
 
 
+@pytest.mark.campaign
 def test_the_set_of_the_paper_moves_as_the_paper_s_model_where_nothing_touches(tmp_path):
     """In contact they differ, as the dampings act on different rates."""
     omega, setup = 1.15, afm.table1()

@@ -67,6 +67,7 @@ def _rows(out: str) -> dict[str, str]:
     return rows
 
 
+@pytest.mark.campaign
 def test_a_configuration_is_mapped_into_a_store(mapped, capsys):
     store = Basins.open(mapped[1])
     assert store.grid.ranges == ((-2.0, 2.0, 12), (-2.0, 2.0, 10))
@@ -74,6 +75,7 @@ def test_a_configuration_is_mapped_into_a_store(mapped, capsys):
     assert set(np.unique(store.labels)) == {0, 1}
 
 
+@pytest.mark.campaign
 def test_the_store_told_has_grid_attractors_parts_and_inputs(mapped, capsys):
     code, out, err = run_command(capsys, "basins", "info", str(mapped[1]))
     assert (code, err) == (0, "")

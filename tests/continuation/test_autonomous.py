@@ -108,6 +108,7 @@ def isola() -> HybridSystem:
     return HybridSystem(("x", "v"), {"mu": 0.2}, {"m": Mode({"x": x, "v": f"{y} + x*({x})"})})
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("steps", STEPS)
 def test_closed_branch_of_cycles_is_traced_once(steps: StepControl | None) -> None:
     radius = math.sqrt(2.0 - math.sqrt(1.0 - 0.04))
@@ -117,6 +118,7 @@ def test_closed_branch_of_cycles_is_traced_once(steps: StepControl | None) -> No
     assert sorted(found(branch)) == [("SN", pytest.approx(-1.0, abs=1e-9)), ("SN", pytest.approx(1.0, abs=1e-9))]
 
 
+@pytest.mark.campaign
 def test_closed_branch_that_exchanges_the_two_phases_of_an_orbit_is_traced_once() -> None:
     # F(z) = -z - h(z) with h odd: the orbits {z, -z} have z^2 = 0.3 + 0.6 exp(i psi), p = cos(psi)
     real, imaginary = "(x**2 - y**2 - 0.3)", "(2*x*y)"

@@ -45,6 +45,7 @@ def test_predators_appear_where_the_switch_leaves_the_plane_without_them(prey, p
     np.testing.assert_allclose(after, before, rtol=1e-9)
 
 
+@pytest.mark.campaign
 def test_pests_that_survive_pulses_of_predators_are_more_than_none():
     pest = saltus.HybridSystem(
         ("x", "y"), {"T": 3.0, "p": 2.0},

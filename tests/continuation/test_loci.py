@@ -121,6 +121,7 @@ def test_henons_doubling_locus_up_to_the_fold_flip_goes_through_r2(henon):
     assert_critical(locus)
 
 
+@pytest.mark.campaign
 def test_henons_doubling_locus_goes_through_the_fold_flip(henon):
     locus = continue_locus(henon["PD1"], ("a", "b"), {"a": (-3.0, 5.0), "b": (-2.0, 2.0)})
     a, b = locus.values.T
@@ -130,6 +131,7 @@ def test_henons_doubling_locus_goes_through_the_fold_flip(henon):
     assert_critical(locus)
 
 
+@pytest.mark.campaign
 def test_the_torus_locus_of_an_area_preserving_map_is_traced():
     """At b = -1 Henon's map keeps areas: all of the line is a torus locus whose coefficient is nothing but zero."""
     x = -1.0 + math.sqrt(1.5)
@@ -173,6 +175,7 @@ def test_torus_locus_runs_from_r1_through_r4_and_r3_to_r2(delayed, c, largest):
     assert locus["R4_1"].locus == "TR"
 
 
+@pytest.mark.campaign
 def test_the_order_of_the_names_is_the_users(delayed):
     branch = continue_orbit(cycle(delayed, [(1 / 3, 1 / 3)]), "a", (1.2, 4.0))
     there, back = (continue_locus(branch["TR1"], names, BOX) for names in (("a", "c"), ("c", "a")))
@@ -192,6 +195,7 @@ def test_doubling_locus_meets_the_torus_locus_at_r2(delayed):
     assert_critical(locus)
 
 
+@pytest.mark.campaign
 def test_doubling_locus_passes_the_transcritical_line(delayed):
     """At (1, 1) the fixed point exchanges its place with the one at 0: the multipliers are 1 and -1."""
     branch = continue_orbit(cycle(delayed, [(1 / 3, 1 / 3)]), "a", (1.2, 4.0))
@@ -235,6 +239,7 @@ def fold_of_cusp(h):
     return 2.0 * ((h - 1.0) / 3.0) ** 1.5
 
 
+@pytest.mark.campaign
 def test_cusp_locus_is_the_semicubical_parabola():
     branch = continue_orbit(cycle(carried(CUSP, r=0.0, h=1.5), [math.sqrt(0.5)]), "r", (-1.0, 1.0))
     bounds = {"r": (-1.0, 1.0), "h": (0.5, 2.0)}
@@ -280,6 +285,7 @@ def test_another_locus_starts_from_the_cusp_in_any_pair(unfolded, pair):
     assert {reason.split(": ")[1] for reason in locus.stopped} == {"bound reached"}
 
 
+@pytest.mark.campaign
 def test_any_point_of_a_locus_starts_a_branch_or_another_locus(unfolded):
     assert len(unfolded) > 9
     for i in (2, len(unfolded) // 3, -3):
@@ -325,6 +331,7 @@ def flip():
     return continue_orbit(cycle(system, [moved(0.0, 0.0)]), "m", (-0.5, 0.5))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("largest", [0.02, 0.1, 0.3])
 def test_generalised_period_doubling_is_where_the_coefficient_vanishes(flip, largest):
     bounds = {"m": (-0.5, 0.5), "b": (-2.0, 2.0)}
@@ -337,6 +344,7 @@ def test_generalised_period_doubling_is_where_the_coefficient_vanishes(flip, lar
     assert_critical(locus)
 
 
+@pytest.mark.campaign
 def test_coefficients_of_doublings_are_those_of_the_map(flip):
     """The change of coordinates has the identity as its derivative at the fixed point, so lengths there are kept."""
     bounds = {"m": (-0.5, 0.5), "b": (-2.0, 2.0)}
@@ -362,6 +370,7 @@ def rotation():
     return carried(conjugated(image, twist=0.0), m=-0.1, d=1.0, t=1.0, k=0.1)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("angle", [0.3, 1.0, 2.4])
 def test_chenciner_point_is_where_the_coefficient_vanishes(rotation, angle):
     """z -> (1 + m) exp(i angle) z (1 + (d + i/3) |z|^2 - |z|^4), hidden."""
@@ -410,6 +419,7 @@ def test_fold_locus_goes_through_the_fold_flip(fold_flip):
     assert_critical(locus)
 
 
+@pytest.mark.campaign
 def test_doubling_locus_goes_through_the_fold_flip(fold_flip):
     """Multiplier -(1 + m) + x/2 = -1: m = x/2, r = -x^2; with y^2's share of x the coefficient is 1.2 - 0.35/(2 x)."""
     branch = continue_orbit(cycle(fold_flip, [moved(-0.2, 0.0)]), "m", (-0.5, 0.5))
@@ -565,6 +575,7 @@ def second_contacts(w, m, U):
     return peaks
 
 
+@pytest.mark.campaign
 def test_locus_of_a_second_impacts_grazing_is_the_closed_form():
     """Orbit with an impact each two periods: next to it the motion comes back to touch the stop once more."""
     branch = continue_orbit(impact_orbit(2.5, 2, 1.2), "A", (0.01, 12.0))
@@ -592,6 +603,7 @@ def test_doubling_locus_ends_where_a_second_contact_grazes():
     assert max(second_contacts(w, 2, form.U_doubling)) == pytest.approx(1.0, abs=CLOSE)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("pair", [("w", "A"), ("w", "c"), ("e", "w"), ("c", "A")])
 def test_torus_locus_of_an_oscillator_that_gains_what_impacts_lose(pair):
     """Negative damping: det = e^2 exp(-c T) = 1, and the trace gives the angle."""

@@ -27,6 +27,7 @@ def test_random_forced_orbits_have_the_points_that_scipy_explains(campaign, numb
     assert campaign.examine(campaign.drawn(number, 1, FORCED), str(number), Counter())
 
 
+@pytest.mark.campaign
 def test_a_branch_point_next_to_the_end_of_a_step_is_located(campaign):
     results = Counter()
     assert campaign.examine(campaign.drawn(23, 1, FORCED), "equal", results)

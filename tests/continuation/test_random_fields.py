@@ -107,6 +107,7 @@ def film():
     return saltus.HybridSystem.smooth(field, {"a": 100.0})
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("largest", [0.05, 0.15, 0.3, 0.6])
 @pytest.mark.parametrize("mode", guarding([5, 6, 7, 8], 5))
 def test_on_a_line_at_one_value_of_the_parameter_there_is_no_fold(film, mode, largest):

@@ -70,6 +70,7 @@ def test_equal_pairs_of_a_ring_cross_at_one_hopf_point(n):
             assert told(branch) == truth, (step, start)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("step", STEPS)
 def test_hopf_points_of_a_ring_of_different_oscillators_are_those_of_a_scan(step):
     system, n = ring(5), 5

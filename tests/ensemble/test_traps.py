@@ -61,6 +61,7 @@ def by_definition(traps, x, mode):
     return e.labels[int(np.argmin(sizes))] if min(sizes) < 1.0 else UNDECIDED
 
 
+@pytest.mark.campaign
 def test_a_state_is_in_the_regions_that_hold_it(regions, points):
     seen = set()
     for mode in (0, 1):

@@ -151,6 +151,7 @@ ENDS = {
 }
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", some(ENDS))
 def test_cycles_are_followed_from_their_birth_to_a_stated_end(name: str) -> None:
     item = TEXTBOOK[name]

@@ -82,6 +82,7 @@ def test_a_first_page_finds_an_orbit_and_asks_nothing_from_outside(window, addre
     screen.page.wait_for_function("() => document.title == 'tapping-mode AFM, 1 mode · saltus'")
 
 
+@pytest.mark.campaign
 def test_a_fold_is_selected_by_a_click_and_its_frequency_read(screen, kept):
     screen.click_mark("SN4")
     exact = kept.results["branch1"]["SN4"].parameters["Omega"]
@@ -242,6 +243,7 @@ def test_sets_of_values_are_saved_by_name(screen):
     screen.eventually(lambda: float(screen.page.input_value(".parameter-Omega input")) == 1.11)
 
 
+@pytest.mark.campaign
 @desk_alone
 def test_the_script_is_copied(screen, window, kept):
     window.grant_permissions(["clipboard-read", "clipboard-write"])

@@ -60,6 +60,7 @@ def test_a_script_is_no_notebook(monkeypatch):
     assert not is_notebook()
 
 
+@pytest.mark.campaign
 def test_in_a_notebook_a_process_beside_the_kernel_serves_the_page(monkeypatch, tmp_path, ball_on_table):
     kernel = SimpleNamespace(config={"IPKernelApp": {}})
     shown = SimpleNamespace(IFrame=lambda address, **size: address)

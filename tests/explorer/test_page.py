@@ -63,6 +63,7 @@ def test_what_is_selected_is_named(page, session):
         assert page.orbit.title.object == page.actions._text.object
 
 
+@pytest.mark.campaign
 def test_an_empty_session_begins_with_an_orbit_or_an_equilibrium(empty, still, toys):
     driven = opened(empty, toys)
     driven.begin()
@@ -79,6 +80,7 @@ def test_a_session_that_has_results_begins_with_nothing(page):
     assert page.desk.wanted == []
 
 
+@pytest.mark.campaign
 def test_undo_drops_the_last_result_everywhere(page, session):
     assert not page.undo.disabled
     for name in ("motion1", "sweep1", "locus1", "branch1", "orbit1"):
@@ -89,6 +91,7 @@ def test_undo_drops_the_last_result_everywhere(page, session):
     assert "click on a branch" in page.orbit.title.object
 
 
+@pytest.mark.campaign
 def test_an_orbit_that_comes_is_selected_and_a_branch_is_not(page, session, taken_steps):
     steps, results = taken_steps
     page.added(session.add(steps["orbit1"], results["orbit1"]))
@@ -98,6 +101,7 @@ def test_an_orbit_that_comes_is_selected_and_a_branch_is_not(page, session, take
     assert len(page.list.panel) == len(session.entries) == 7
 
 
+@pytest.mark.campaign
 def test_a_locus_that_comes_sets_the_axes(page, session):
     page.added(session.entry("locus1"))
     assert page.diagram.axes == session.settings.axes == ("a", "e")
@@ -200,6 +204,7 @@ def test_errors_are_written_as_text(page):
     assert "another page" in page._message.object
 
 
+@pytest.mark.campaign
 def test_a_file_that_is_uploaded_is_opened_by_a_link(session, toys):
     def refused(content: bytes) -> str:
         raise SaltusError("no session")
@@ -212,6 +217,7 @@ def test_a_file_that_is_uploaded_is_opened_by_a_link(session, toys):
     assert other._message.object == "no session"
 
 
+@pytest.mark.campaign
 def test_files_are_made_or_it_is_told_why_not(page, session):
     copy, python, netcdf, png, svg = page._downloads()
     assert copy.css_classes == ["copy-python"]

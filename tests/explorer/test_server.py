@@ -76,6 +76,7 @@ def test_a_session_without_results_leaves_nothing_behind(toys, tmp_path, ball_on
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.campaign
 def test_an_upload_that_is_no_session_leaves_nothing_behind(toys, tmp_path, ball_on_table):
     office = Office(toys, of_system(ball_on_table), tmp_path)
     with pytest.raises(SaltusError):
@@ -83,6 +84,7 @@ def test_an_upload_that_is_no_session_leaves_nothing_behind(toys, tmp_path, ball
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
@@ -137,6 +139,7 @@ def test_a_session_that_was_not_closed_is_gone_on_with(office, toys, tmp_path, t
     assert Office(toys, None, tmp_path).unfinished() is None  # it was closed on purpose
 
 
+@pytest.mark.campaign
 def test_an_upload_is_a_session_of_its_own(office, session, tmp_path):
     content = session.packed(tmp_path / "session.nc").read_bytes()
     first, second = office.uploaded(content), office.uploaded(content)

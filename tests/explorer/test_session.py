@@ -93,6 +93,7 @@ def test_no_name_of_a_session_leads_out_of_its_home(session, name):
     assert folder_of(session.folder.parent, session.folder.name) == session.folder
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "change",
     [

@@ -93,6 +93,7 @@ def test_of_a_linear_oscillator_the_fit_and_its_error_are_those_of_linear_least_
     assert (low, high) == pytest.approx((best - error, best + error), rel=0.03)
 
 
+@pytest.mark.campaign
 def test_a_duffing_oscillator_is_found_from_a_third_off_and_each_datum_lies_on_its_sheet(found, sweep):
     errors = [found.errors[name] for name in found.names]
     assert np.all(np.abs(found.values - [1.0, 0.1, 1.0]) < 0.5 * np.array(errors))  # jumps are known to a step of w
@@ -183,6 +184,7 @@ def test_strong_correlation_is_told_and_profiled(duffing):
     assert "correlate by" in repr(one)
 
 
+@pytest.mark.campaign
 def test_an_interrupt_keeps_the_best_so_far(duffing, sweep):
     seen = []
 
@@ -199,6 +201,7 @@ def test_an_interrupt_keeps_the_best_so_far(duffing, sweep):
     assert one.chi2_per_datum < first
 
 
+@pytest.mark.campaign
 def test_a_fit_is_saved_read_pickled_and_drawn(found, tmp_path):
     again = saltus.load(found.save(tmp_path / "fit.nc"))
     assert again == found
@@ -269,6 +272,7 @@ def test_a_parameter_without_effect_is_named(impacting):
         fit(data, branch, {"k": (0.5, 2.0), "e": (0.1, 1.0)}, {"max(x)": 0.01})
 
 
+@pytest.mark.campaign
 def test_rows_without_numbers_and_columns_without_errors_are_told(duffing):
     data = linear_data()
     data[Z][3] = np.nan
@@ -279,6 +283,7 @@ def test_rows_without_numbers_and_columns_without_errors_are_told(duffing):
     assert one.data.sizes["datum"] == 14
 
 
+@pytest.mark.campaign
 def test_one_wild_datum_is_told_and_does_not_spoil_the_fit_and_no_further_start_is_tried(duffing):
     data = linear_data()
     data[Z][3] += 1.0
@@ -318,6 +323,7 @@ def test_a_search_that_ends_in_a_local_optimum_goes_on_from_further_starts(duffi
     assert one.message == "the optimum is found"
 
 
+@pytest.mark.campaign
 def test_repeated_rows_are_told(duffing):
     data = linear_data()
     twice = {name: np.concatenate([values[:6], values[:3]]) for name, values in data.items()}

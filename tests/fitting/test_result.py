@@ -30,6 +30,7 @@ def untold(found, **changes):
     return replace(found, covariance=np.array([[np.inf, 0.0], [0.0, 4e-6]]), **changes)
 
 
+@pytest.mark.campaign
 def test_values_are_asked_for_by_name(found):
     assert found["k"] == found.values[0] == pytest.approx(1.0, abs=0.02)
     assert found["c"] == found.values[1]
@@ -105,6 +106,7 @@ def test_a_datum_five_standard_errors_off_is_counted_and_said_first(found):
     assert one != found
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", ["as it is", "with all that it may have"])
 def test_a_fit_is_read_back_equal_from_a_file(found, tmp_path, kind):
     stopped = "interrupted: the best so far"

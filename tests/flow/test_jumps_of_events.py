@@ -43,6 +43,7 @@ def test_zeros_beside_poles_jumps_and_kinks_are_events(event, direction, truth):
     assert times(event, direction) == pytest.approx(truth, abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_sweep_by_series_counts_what_a_simulation_counts():
     """A driven oscillator past the poles of tan(3 x); every zero of it adds 1 to y, which decays."""
     count = Transition("swing", "swing", "tan(3*x)", 1, {"y": "y + 1"}, name="count")

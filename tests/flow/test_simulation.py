@@ -186,6 +186,7 @@ def test_many_crossings_inside_one_step_are_all_found_in_order():
     assert motion.events["time"][wraps] == pytest.approx([2.0 * math.pi, 4.0 * math.pi], abs=1e-14)
 
 
+@pytest.mark.campaign
 def test_random_event_functions_lose_no_crossing():
     rng = np.random.default_rng(1)
     event = "c0 + c1*x + c2*x**2 + c3*sin(5*theta) + c4*cos(3*theta)*v"
@@ -487,6 +488,7 @@ def test_cantilever_agrees_with_scipy_event_by_event(afm1):
         assert before[:2] == pytest.approx(y, abs=1e-11)
 
 
+@pytest.mark.campaign
 def test_cantilever_agrees_with_heyoka_over_a_tap(afm1):
     hy = pytest.importorskip("heyoka")
     p = afm1.parameter_vector(None)

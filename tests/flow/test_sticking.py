@@ -140,6 +140,7 @@ def test_a_section_does_not_count_where_a_motion_starts_on_it(direction, x0):
     assert times[0] > 0.1
 
 
+@pytest.mark.campaign
 def test_exponents_of_a_motion_that_becomes_ever_stiffer_end_with_a_word(monkeypatch):
     monkeypatch.setattr(variational, "_STIFF_STEPS", 50_000)
     system = HybridSystem(("x", "y"), {}, {"m": Mode({"x": "x/2", "y": "-x*y"})})

@@ -208,6 +208,7 @@ def test_dips_of_a_swing_are_found_at_a_tolerance_of_their_size(depth):
         assert found.times == pytest.approx([math.pi - start - half, math.pi - start + half], abs=1e-13 / half)
 
 
+@pytest.mark.campaign
 def test_random_event_functions_lose_no_crossing():
     rng = np.random.default_rng(1)
     event = "c0 + c1*x + c2*x**2 + c3*sin(5*theta) + c4*cos(3*theta)*v"

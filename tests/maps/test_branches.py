@@ -140,6 +140,7 @@ def test_events_and_types_stop_a_branch():
     assert branch.value_at(branch["x1"], "x") == pytest.approx(0.65)
 
 
+@pytest.mark.campaign
 def test_a_branch_is_saved_and_loaded(tmp_path):
     for branch in (
         branch_of(tent(), "mu", (-1.0, 1.0), [-0.4]),

@@ -28,6 +28,7 @@ def test_folds_of_the_cusp_map_lie_on_its_cusp(folds):
     assert np.abs(folds.coefficient) == pytest.approx(np.abs(3 * x), abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_locus_is_saved_and_loaded_and_another_starts_from_it(folds, tmp_path):
     assert saltus.load(folds.save(tmp_path / "locus.nc")) == folds
     again = saltus.continue_locus(folds.point(3), ("r", "h"), {"r": (-1.0, 1.0), "h": (0.5, 2.0)})
@@ -47,6 +48,7 @@ def test_doublings_of_the_cusp_map_turn_subcritical_at_nine_x_squared_equal_to_o
     assert len(locus.special_points.of_type("GPD")) == 2
 
 
+@pytest.mark.campaign
 def test_loci_of_the_henon_map_meet_in_its_resonances():
     """On det = -b = 1: a = -1 (R1), 5/4 (R3), 0 (R4), 3 (R2)."""
     bounds = {"a": (-3.0, 4.0), "b": (-1.5, 0.9)}
@@ -65,6 +67,7 @@ def test_loci_of_the_henon_map_meet_in_its_resonances():
     assert all("two real multipliers" in reason for reason in circles.stopped)
 
 
+@pytest.mark.campaign
 def test_a_coefficient_that_vanishes_on_a_locus_of_circles_is_a_chenciner_point():
     """x -> (1 + m + d |x|^2) R(angle) x has the coefficient 2 d: |x|^2 = 2 |z|^2 with an eigenvector of length 1."""
     turn = "(1 + m + d*(x**2 + y**2) - (x**2 + y**2)**2)"

@@ -28,6 +28,7 @@ def bounded():
     return Map(("x", "y"), {"a": 0.1, "b": 0.3}, {"x": "a - x**2 + b*y", "y": "x"})
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("label", "last"), [("SN1", 1e-8), ("PD1", 1e-8)])
 def test_a_locus_whose_points_run_to_infinity_ends_with_a_word(label, last):
     branch = branch_of(henon(), "a", (-1.0, 1.0), [0.7, 0.2], {"a": 0.1})
@@ -64,6 +65,7 @@ def test_the_orbit_of_period_two_doubles_on_its_closed_form(bounded, form):
     assert locus["TP1"].parameters["b"] == pytest.approx(0.6, abs=1e-8)
 
 
+@pytest.mark.campaign
 def test_a_direction_does_not_take_over_the_sizes_of_the_other_one():
     branch = branch_of(henon(), "a", (-1.0, 1.0), [0.7, 0.2], {"a": 0.1})
     alone = saltus.continue_locus(branch["PD1"], ("b", "a"), BOUNDS, directions="up")
@@ -109,6 +111,7 @@ def test_a_multiplier_of_minus_one_along_a_whole_branch_is_no_doubling():
     assert not locus.special_points.of_type("FF", "CP")
 
 
+@pytest.mark.campaign
 def test_pairs_of_a_fixed_angle_have_no_resonances_along_their_locus():
     """Every point of the locus m = 0 is a resonance 1:3: none of them is special."""
     turn, w = "(1 + m + d*(x**2 + y**2))", 2 * math.pi / 3

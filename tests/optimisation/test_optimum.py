@@ -92,6 +92,7 @@ KINDS = {
 }
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_optimum_without_constraints_is_read_back_equal(free, tmp_path, kind):
     one = replace(free, **KINDS[kind])

@@ -132,6 +132,7 @@ def test_a_phase_goes_on_beyond_a_turn_and_a_formula_in_it_ends_there(linear):
 # stability, sheets, grazings
 
 
+@pytest.mark.campaign
 def test_at_a_fold_stability_is_active_and_its_multiplier_is_a_derivative(driven, response):
     found, wider = (
         optimise(
@@ -153,6 +154,7 @@ def test_at_a_fold_stability_is_active_and_its_multiplier_is_a_derivative(driven
     assert 0.0 < fold - near["w"] < 2e-7
 
 
+@pytest.mark.campaign
 def test_without_the_constraint_the_fold_ends_the_search_in_words(driven, response):
     found = optimise(driven, minimise="period", vary={"w": (None, None)})
     assert found["w"] == pytest.approx(response["SN1"].value("w"), abs=1e-6)
@@ -188,6 +190,7 @@ def test_the_peak_of_a_duffing_oscillator_from_several_starts_and_from_the_branc
     assert abs(best.start[0] - best["w"]) < 0.05
 
 
+@pytest.mark.campaign
 def test_the_least_force_for_an_amplitude_over_force_and_frequency(driven):
     """From below, the constraint is violated at the start; the multiplier is that of a changed bound."""
 
@@ -239,6 +242,7 @@ def test_a_gap_of_a_tapping_cantilever_is_kept(afm1):
     assert not np.any(np.logical_and(better, meets))
 
 
+@pytest.mark.campaign
 def test_the_largest_limit_cycle_of_van_der_pol(duffing):
     """Its amplitude has a maximum over mu (SciPy's integrator at both sides and there)."""
     system = saltus.HybridSystem.smooth({"x": "y", "y": "mu*(1 - x**2)*y - k*x + b"}, {"mu": 1.5, "k": 1.0, "b": 0.0})
@@ -354,6 +358,7 @@ def optimum(linear):
     )
 
 
+@pytest.mark.campaign
 def test_an_optimum_is_saved_read_pickled_and_told(optimum, tmp_path):
     again = saltus.load(optimum.save(tmp_path / "optimum.nc"))
     assert again == optimum

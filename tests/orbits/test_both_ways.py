@@ -67,6 +67,7 @@ def gait(ways: tuple[int, ...]) -> HybridSystem:
     return HybridSystem(("tn", "ts", "wn", "ws"), {"phi": 0.05235987755982989}, {"swing": Mode(field)}, strikes)
 
 
+@pytest.mark.campaign
 def test_a_compass_gait_is_the_same_orbit_whether_its_ground_is_watched_one_way_or_both():
     start = [-0.3233886, 0.2186688, -0.3771816, -1.0918267]
     one, both = (find_orbit(gait(ways), x0=start) for ways in ((-1,), (1, -1)))

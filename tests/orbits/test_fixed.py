@@ -58,6 +58,7 @@ def test_swings_of_a_pendulum_have_the_period_of_the_elliptic_integral(pendulum,
     assert (orbit.admissible, orbit.stable, orbit.fixed.family) == (True, True, True)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("a", [3.0, 3.1])
 def test_a_far_guess_does_not_lead_into_another_well(pendulum, a):
     orbit = solve_orbit(pendulum, x0=[0.5 * a, 0.0], period=swing(0.5 * a), fix={"period": swing(a)})
@@ -138,6 +139,7 @@ def test_the_period_of_a_driven_orbit_is_fixed_by_its_frequency(driven):
     assert orbit.parameters["w"] == pytest.approx(2.0 * math.pi / 5.0, rel=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_file_keeps_what_was_fixed(pendulum, driven, tmp_path):
     swinging = solve_orbit(pendulum, x0=[1.0, 0.0], period=6.7, fix={"period": 7.0})
     forced = solve_orbit(driven, x0=[0.5, 0.0], fix={"max_x": 0.6}, free="A")
@@ -209,6 +211,7 @@ NO_ORBIT = [
 ]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("arguments", "message"), NO_ORBIT)
 def test_what_no_unknown_moves_is_told(driven, arguments, message):
     with pytest.raises(ConvergenceError, match=message):

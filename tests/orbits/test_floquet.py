@@ -54,6 +54,7 @@ def test_tapping_orbit_is_a_fixed_point_of_the_independent_map(tapping, n, Omega
     assert orbit.durations[1] == pytest.approx(crossings[1][0] - crossings[0][0], abs=1e-9)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("n", "Omega"), list(GUESSES))
 def test_tapping_multipliers_are_those_of_the_independent_map(tapping, n, Omega):
     orbit = impacting_orbit(tapping[n], n, Omega)

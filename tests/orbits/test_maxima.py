@@ -98,6 +98,7 @@ def read(orbit: PeriodicOrbit, name: str) -> float:
     return orbit.max["x"] if name == "max_x" else float(orbit.observe(name)[name])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "most", "w"),
     guarding(

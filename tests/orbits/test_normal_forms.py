@@ -122,6 +122,7 @@ def test_the_delayed_logistic_map_has_the_torus_coefficient_of_its_derivatives(c
     assert form.angle == pytest.approx(math.acos((1.0 - c) / 2.0), abs=1e-8)
 
 
+@pytest.mark.campaign
 def test_the_delayed_logistic_torus_is_born_on_the_predicted_side():
     """c = 0: Re d < 0 (the classical delayed logistic map): beyond a = 2 an attracting closed curve, radius from d."""
     branch = continue_orbit(cycle(carried(DELAYED, a=1.5, c=0.0), [(1 / 3, 1 / 3)]), "a", (1.2, 2.5))

@@ -116,6 +116,7 @@ def homoclinic_torque(c):
     return brentq(miss, 0.9 * 4.0 * c / math.pi, 1.1 * 4.0 * c / math.pi, xtol=1e-13)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("c", "start"), [(0.3, 0.0), (0.3, 2.5), (0.1, 0.0)])
 def test_rotations_end_at_the_homoclinic_orbit_round_the_circle(c, start):
     orbit = find_orbit(PENDULUM, {"c": c}, x0=[start, 3.0])
@@ -141,6 +142,7 @@ def test_solve_orbit_takes_the_turns_from_the_guess():
     assert same.x0 == pytest.approx(orbit.x0, abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_period_doubling_of_a_rotation_doubles_its_turns():
     orbit = find_orbit(FORCED, x0=[0.0, 0.0])
     branch = continue_orbit(orbit, "g", (1.3, 1.46))

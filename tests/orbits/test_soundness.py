@@ -48,6 +48,7 @@ def test_a_ring_of_runaways_is_solved_in_pieces():
     assert [orbit.max[name] for name in rates] == pytest.approx(wanted, rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_an_orbit_too_unstable_for_its_pieces_is_refused():
     with pytest.raises(ConvergenceError):
         solve_orbit(RUNAWAY, {"k": 5000.0}, x0=[0.0])

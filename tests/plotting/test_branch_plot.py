@@ -125,6 +125,7 @@ def test_where_both_coordinates_turn_the_curve_is_round_not_a_cusp():
     assert y.min() < 0.0 < x[np.argmin(y)]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("which", "x", "y"), [("tapping", "Omega", "min_z"), ("branch", "A", "max_v")])
 def test_interpolation_agrees_with_a_branch_of_many_more_points(request, which, x, y):
     """The oracle is a branch of ten times as many points; 1e-3 of the axes is less than a line's width."""
@@ -215,6 +216,7 @@ def test_a_thing_that_is_no_result_cannot_be_drawn():
         plot({})
 
 
+@pytest.mark.campaign
 def test_a_saved_branch_is_drawn_the_same(branch, tmp_path):
     again = Branch.load(branch.save(tmp_path / "branch.nc"))
     for mine, theirs in zip(pieces_of(branch, "A", "max_v"), pieces_of(again, "A", "max_v"), strict=True):

@@ -172,6 +172,7 @@ def test_members_without_a_branch_are_left_out(broken):
     assert [text.get_text() for text in bar_of(ax).get_yticklabels()] == ["0.9", "1"]
 
 
+@pytest.mark.campaign
 def test_of_many_members_the_bar_names_some(orbit):
     many = saltus.continue_family(orbit, "A", {"d": np.linspace(0.9, 1.1, 21)}, (0.99, 1.01), workers=1)
     ax = many.plot("A", "max_v")
@@ -198,6 +199,7 @@ def test_given_axes_are_used_and_options_leave_out_points_and_names(family):
     assert len(space.get_legend().get_texts()) == 5
 
 
+@pytest.mark.campaign
 def test_a_saved_family_is_drawn_the_same(family, tmp_path):
     again = saltus.load(family.save(tmp_path / "family.nc"))
     for mine, theirs in zip(family.plot().lines, again.plot().lines, strict=True):

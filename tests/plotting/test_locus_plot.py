@@ -57,6 +57,7 @@ def _dots(ax) -> dict:
     return {line.get_label(): line for line in ax.lines if line.get_linestyle() == "None"}
 
 
+@pytest.mark.campaign
 def test_the_curve_of_the_cusp_map_is_the_closed_form(cusp):
     """Everywhere to 1e-3 of the picture, less than a line's width."""
     x = np.linspace(-1.0, 1.0, 20001)
@@ -213,6 +214,7 @@ def test_wrong_names_and_axes_are_told(loci, response):
         stretches_of(response, ("Omga", "min_z"))
 
 
+@pytest.mark.campaign
 def test_a_saved_locus_is_drawn_the_same(loci, tmp_path):
     again = saltus.results.Locus.load(loci["SN4"].save(tmp_path / "locus.nc"))
     for mine, theirs in zip(_lines(loci["SN4"].plot()), _lines(again.plot()), strict=True):

@@ -183,6 +183,7 @@ def test_a_locus_is_drawn_in_the_colour_of_its_type(locus):
     assert locus.plot(z="x").name == "3d"
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", ["fixed_points", "locus", "cascade"])
 def test_saved_results_are_drawn_from_the_command_line(name, request, tmp_path, capsys):
     result = request.getfixturevalue(name)

@@ -88,6 +88,7 @@ def test_a_wrong_name_is_answered_with_the_nearest_one(bounce):
         bounce.plot("t", "enrgy")
 
 
+@pytest.mark.campaign
 def test_plotting_imports_matplotlib_only_to_draw():
     code = "import sys, saltus.plotting, saltus.plotting.style; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -451,6 +451,7 @@ def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on_from_its_file(impac
     assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
 
 
+@pytest.mark.campaign
 def test_whatever_ends_a_sweep_early_what_is_done_is_saved(impact_oscillator, both, tmp_path):
     def fail(progress):
         if progress.done == 3:

@@ -420,6 +420,7 @@ def test_units_of_the_states_do_not_matter():
     assert two.sum == pytest.approx(one.sum, abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_error_is_as_large_as_the_spread_between_runs(logistic):
     starts = np.linspace(0.11, 0.42, 24)
     found = [

@@ -38,6 +38,7 @@ def test_the_skew_tent_map_has_the_entropy_of_its_two_slopes(c):
     assert found.exponents[0] == pytest.approx(-c * math.log(c) - (1 - c) * math.log(1 - c), abs=5e-3)
 
 
+@pytest.mark.campaign
 def test_the_henon_map_has_the_exponents_in_print():
     # J. C. Sprott, Chaos and Time-Series Analysis, 2003: 0.41922, and a dimension of 1.25827
     found = lyapunov_spectrum(HENON, {}, [0.1, 0.1], average=Average(periods=3_000_000))

@@ -178,6 +178,7 @@ def test_a_file_of_other_input_is_refused_by_the_name_of_what_differs(impact_osc
         swept(impact_oscillator, "A", **own | CHANGES[name])
 
 
+@pytest.mark.campaign
 def test_a_file_of_another_system_or_kind_is_refused(impact_oscillator, ball_on_table, tmp_path):
     path = tmp_path / "a.nc"
     run_sweep(impact_oscillator, "w", [1.0], path=path, options=SweepOptions(**SHORT))

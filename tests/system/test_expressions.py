@@ -287,6 +287,7 @@ def test_what_is_no_finite_number_is_no_expression(value):
         text_of(value, "event")
 
 
+@pytest.mark.campaign
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_a_number_keeps_all_its_digits(value):
     assert float(parse(text_of(value, "event"), (), "event")) == value

@@ -85,6 +85,7 @@ def test_of_forgotten_systems_only_the_last_few_modules_stay():
     assert [f"saltus_{file.stem}" in sys.modules for file in files] == [False] * 4 + [True] * most
 
 
+@pytest.mark.campaign
 def test_results_go_on_when_their_system_is_no_longer_at_hand():
     orbit = saltus.find_orbit(van_der_pol(1.75), x0=[2.0, 0.0])
     branch = saltus.continue_orbit(orbit, "mu", (0.8, 1.2))

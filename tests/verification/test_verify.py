@@ -76,6 +76,7 @@ def test_an_orbit_that_passes_its_wall_is_not_admissible(impacts):
     assert differing(replace(within, faults=0)) == {"admissible"}
 
 
+@pytest.mark.campaign
 def test_a_missing_special_point_leaves_a_change_unexplained(impacts, equilibria):
     for branch, label in ((impacts, "PD1"), (equilibria, "HB1")):
         kept = [point for point in branch.special_points if point.label != label]
@@ -95,6 +96,7 @@ def test_equilibria_and_their_hopf_point_pass(equilibria):
     assert "distance from Newton's solution" in differing(wrong)
 
 
+@pytest.mark.campaign
 def test_a_branch_of_cycles_from_its_hopf_point_passes(equilibria):
     cycles = saltus.continue_orbit(saltus.switch_branch(equilibria["HB1"]), "B", (1.0, 3.0))
     checked = saltus.verify(cycles)
@@ -109,6 +111,7 @@ def test_cycles_of_a_map_pass_and_a_wrong_multiplier_does_not():
     assert differing(replace(orbit, multipliers=orbit.multipliers + 1e-5)) == {"multiplier 1"}
 
 
+@pytest.mark.campaign
 def test_loci_are_critical_all_along(impacts, equilibria):
     for locus in (
         saltus.continue_locus(impacts["PD1"], ("g", "e"), {"g": (0.5, 1.5), "e": (0.4, 0.6)}),

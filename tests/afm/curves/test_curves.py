@@ -84,6 +84,7 @@ def test_paths_follow_stable_sheets_and_jump_where_these_end(curve):
     assert abs(afm.observables(settled)["amplitude_nm"] - after) < 0.1 < after - before
 
 
+@pytest.mark.campaign
 def test_a_frequency_curve_turns_at_both_jumps(tune):
     jumps = [("down", 300.0501), ("down", 299.2872), ("up", 299.4915)]
     assert [(jump.direction, round(jump.value, 4)) for jump in tune.jumps] == jumps
@@ -100,6 +101,7 @@ def test_a_curve_is_saved_and_read_back_equal(curve, tmp_path):
     assert "approach" in repr(curve)
 
 
+@pytest.mark.campaign
 def test_a_dataset_tells_the_regime_of_each_point_and_what_the_model_is_made_of(curve, tmp_path):
     told = curve.to_xarray()
     for i in (0, 17, 60, len(curve.branches[0]) - 1):
@@ -137,6 +139,7 @@ def test_a_way_that_is_written_as_a_text_file_is_read_back_the_same(curve, tmp_p
     assert all(np.array_equal(picked[name], table[name]) for name in picked)
 
 
+@pytest.mark.campaign
 def test_the_static_pull_in_ends_a_curve_with_that_reason():
     """At small amplitude the tip is pulled in at 1.5 (H R/3k)^(1/3), where its static equilibrium ends."""
     probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=12.0)
@@ -148,6 +151,7 @@ def test_the_static_pull_in_ends_a_curve_with_that_reason():
     assert len(curve) < 400
 
 
+@pytest.mark.campaign
 def test_a_range_below_the_pull_in_is_a_curve_that_says_so(lever, curve):
     below = afm.distance_curve(lever, (-3.0, -1.0))
     assert "contact     at all times: the tip is pulled in at larger distances already" in repr(below)
@@ -155,6 +159,7 @@ def test_a_range_below_the_pull_in_is_a_curve_that_says_so(lever, curve):
     assert "at all times" not in repr(curve)
 
 
+@pytest.mark.campaign
 def test_pictures_have_units_both_ways_and_jumps(curve, tune):
     upper, lower = curve.plot()
     assert [upper.get_ylabel(), lower.get_ylabel()] == ["amplitude (nm)", "lag behind the drive (degrees)"]
@@ -194,6 +199,7 @@ def test_bad_input_is_told(lever, curve, impact_oscillator):
         curve.column("amplitud_nm")
 
 
+@pytest.mark.campaign
 def test_the_ways_go_on_through_a_grazing_between_two_stable_motions():
     """Where the tip begins to touch, the point on the grazing has a contact of no duration, and nothing jumps there."""
     probe = afm.Probe(k_N_m=40.0, f0_kHz=270.0, Q=500.0, R_nm=20.0)

@@ -71,6 +71,7 @@ def test_cusp_and_critical_amplitude(region):
     assert region.failures == ()
 
 
+@pytest.mark.campaign
 def test_an_approach_jumps_above_the_critical_amplitude_only(lever):
     below, above = (
         afm.distance_curve(lever, (3.0, 14.0), parameters={"A0_nm": CRITICAL + shift}) for shift in (-0.01, 0.01)
@@ -127,6 +128,7 @@ def test_folds_of_a_distance_curve_lie_on_the_locus(lever, region):
         assert min(abs(value - fold) for value in between) < 0.02  # interpolated between the locus' points
 
 
+@pytest.mark.campaign
 def test_region_comes_back_from_its_file(region, tmp_path):
     assert saltus.load(region.save(tmp_path / "region.nc")) == region
     held = region.to_xarray()
@@ -153,6 +155,7 @@ def test_ranges_without_folds_are_told(lever):
         afm.bistability(lever, A0_nm=(30.0, 40.0), Zc_nm=(25.0, 60.0))
 
 
+@pytest.mark.campaign
 def test_no_critical_amplitude_where_the_turn_is_out_of_range(lever):
     part = afm.bistability(lever, A0_nm=(11.0, 30.0), Zc_nm=(0.5, 30.0))
     assert part.critical_amplitude_nm is None
@@ -161,6 +164,7 @@ def test_no_critical_amplitude_where_the_turn_is_out_of_range(lever):
     assert part.cusp == pytest.approx((25.6149973, 25.1789782), abs=1e-7)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("start", guarding([4.0, RADIUS, 30.0], 4.0))
 def test_radius_from_the_critical_amplitude(lever, start):
     assert afm.tip_radius(lever, CRITICAL, parameters={"R_nm": start}) == pytest.approx(RADIUS, abs=1e-5)
@@ -172,6 +176,7 @@ def test_radius_of_another_tip_comes_back(lever):
     assert afm.tip_radius(lever, amplitude) == pytest.approx(7.0, abs=1e-8)
 
 
+@pytest.mark.campaign
 def test_wrong_arguments_are_told(lever, afm1):
     with pytest.raises(InputError, match=r"saltus\.afm\.model"):
         afm.bistability(afm1)

@@ -108,6 +108,7 @@ def test_bad_input_is_told(what):
         afm.fit(model=lever(), **arguments)
 
 
+@pytest.mark.campaign
 def test_a_motion_that_only_begins_to_touch_parts_no_sheet(tune):
     """Contact begins on the stable sheets: the curve has one jump on each way, and two stable sheets."""
     assert [jump.direction for jump in tune.jumps] == ["down", "up"]

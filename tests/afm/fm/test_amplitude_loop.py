@@ -49,6 +49,7 @@ def test_the_loop_comes_from_afar_to_the_set_amplitude(held):
     )
 
 
+@pytest.mark.campaign
 def test_orbits_of_the_loop_are_those_of_the_distance_curve(lever, held):
     place = held.observe("mean(Zc_nm)")["mean(Zc_nm)"]
     fixed = saltus.find_orbit(lever, {"Zc_nm": place}, x0=held.x0[:2])
@@ -67,6 +68,7 @@ def test_a_loop_that_does_nothing_leaves_the_multipliers_of_the_model(lever, hel
     np.testing.assert_allclose(np.sort(np.abs(still.multipliers)), wanted, atol=1e-5)
 
 
+@pytest.mark.campaign
 def test_a_simulated_loop_rings_above_the_onset_only(loop, held, onset):
     """A shift of 1 pm dies away below; above, it grows at the rate that the multipliers tell."""
     times = np.arange(0.0, 13000.0, 0.5)  # us
@@ -84,6 +86,7 @@ def test_a_simulated_loop_rings_above_the_onset_only(loop, held, onset):
     assert math.log(swing[1.1][1] / swing[1.1][0]) / 8000.0 == pytest.approx(rate, rel=0.1)
 
 
+@pytest.mark.campaign
 def test_of_two_drives_the_first_is_read():
     probe = afm.Probe(k_N_m=(2.0, 78.5), f0_kHz=(70.0, 438.7), Q=(150.0, 450.0), R_nm=10.0)
     drive = afm.Drive(A0_nm=20.0) + afm.Drive(A0_nm=1.0, mode=2, ratio="19/3")

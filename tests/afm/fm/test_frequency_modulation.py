@@ -59,6 +59,7 @@ def giessibl(k, Zc):
     return -300e3 / (k * A**2) * sum(parts) / math.pi
 
 
+@pytest.mark.campaign
 def test_small_forces_shift_the_frequency_as_giessibl_says(lever):
     """Van der Waals force far from contact: f0 H R / 6 k (Zc**2 - A**2)**1.5, closer for a stiffer lever."""
     for k, error in ((26.0, 2e-3), (2600.0, 2e-5)):
@@ -84,6 +85,7 @@ def test_a_conservative_law_takes_no_excitation(curve):
     np.testing.assert_allclose(curve.column("Zc_nm"), np.linspace(14.0, 9.5, 10))
 
 
+@pytest.mark.campaign
 def test_loss_is_what_the_excitation_adds(damped):
     """The drive's work over the medium's is the excitation over the amplitude, whatever the motion's shape."""
     f = 300e3 + damped.column("shift_Hz")
@@ -93,6 +95,7 @@ def test_loss_is_what_the_excitation_adds(damped):
     assert damped.column("E_ts_eV")[-1] > 60.0
 
 
+@pytest.mark.campaign
 def test_loss_of_a_stiff_lever_is_that_of_a_prescribed_motion():
     found = afm.frequency_shift(stiffened(DAMPED), (9.7, 10.1), A, points=4)
     for Zc, loss in zip(found.column("Zc_nm"), found.column("E_ts_eV"), strict=True):

@@ -24,6 +24,7 @@ def virial(law, Zc, A, R):
     return float(np.mean(law.force_nN(Zc + A * cosine, R_nm=R) * A * cosine))
 
 
+@pytest.mark.campaign
 def test_van_der_waals_in_numbers_and_its_virial():
     law = afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3)
     assert float(law.force_nN(2.0, R_nm=10.0)) == pytest.approx(-0.2 * 10.0 / 24.0, rel=1e-14)

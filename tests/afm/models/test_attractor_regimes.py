@@ -26,6 +26,7 @@ def attractors(system):
     return afm.name_by_regime(found)
 
 
+@pytest.mark.campaign
 def test_both_regimes_are_found_and_named_though_both_touch_the_sample(attractors):
     assert attractors.names == ("attractive", "repulsive")
     seen = {name: afm.observables(orbit) for name, orbit in attractors.orbits.items()}
@@ -36,11 +37,13 @@ def test_both_regimes_are_found_and_named_though_both_touch_the_sample(attractor
     assert set(attractors.kinds) == set(attractors.points) == set(attractors.notes) == set(attractors.names)
 
 
+@pytest.mark.campaign
 def test_names_are_kept_by_a_file(attractors, tmp_path):
     attractors.save(tmp_path / "attractors.nc")
     assert saltus.load(tmp_path / "attractors.nc") == attractors
 
 
+@pytest.mark.campaign
 def test_labels_are_where_motions_end_and_axes_have_units(system, attractors):
     grid = {"z1_nm": (*REGION["z1_nm"], 8), "v1_nm_us": (*REGION["v1_nm_us"], 8)}
     basins = saltus.map_basins(system, {}, grid, attractors)

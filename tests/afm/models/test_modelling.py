@@ -91,6 +91,7 @@ def dmt_law(p):
     )
 
 
+@pytest.mark.campaign
 def test_three_amplitudes_coexist_at_one_height(approach):
     orbits = [point.orbit for point in approach.special_points if point.type == "Zc_nm"]
     seen = sorted((afm.observables(orbit) for orbit in orbits), key=lambda one: -one["amplitude_nm"])
@@ -124,6 +125,7 @@ def test_jumps_and_grazing_on_approach(approach):
     assert grazing.orbit.min["D_nm"] == pytest.approx(0.3, abs=1e-8)
 
 
+@pytest.mark.campaign
 def test_locus_of_the_jump_has_the_cusp_and_the_critical_amplitude(approach):
     bounds = {"Zc_nm": (1.0, 40.0), "A0_nm": (5.0, 40.0)}
     locus = saltus.continue_locus(approach["SN1"], ("Zc_nm", "A0_nm"), bounds)
@@ -267,6 +269,7 @@ def test_both_forms_of_kelvin_and_voigt_have_one_orbit(voigt):
     assert_energies_balance(seen)
 
 
+@pytest.mark.campaign
 def test_jumps_with_viscous_contact_are_the_same_in_both_forms_and_lie_on_the_locus_of_the_impulse(voigt):
     lever = {"A0_nm": 12.0, "f_kHz": 300.0, "R_nm": 12.0, "H_aJ": 0.12, "E_GPa": 1.5, "Zc_nm": 10.0, **LEVER_S}
 
@@ -286,6 +289,7 @@ def test_jumps_with_viscous_contact_are_the_same_in_both_forms_and_lie_on_the_lo
     assert ends[5.0] == pytest.approx(low.parameters["Zc_nm"], rel=1e-10)
 
 
+@pytest.mark.campaign
 def test_the_impulse_of_several_modes_over_a_shaken_base_is_the_viscous_force():
     probe = afm.Probe(k_N_m=(2.0, 70.0), f0_kHz=(70.0, 400.0), Q=(5.0, 9.0), R_nm=20.0)
     law = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0)
@@ -363,6 +367,7 @@ def test_adhesion_costs_the_same_along_branches(schwarz):
             assert_energies_balance(seen)
 
 
+@pytest.mark.campaign
 def test_long_forces_of_the_transition_cost_what_they_lose_until_pull_off(schwarz):
     orbit = saltus.find_orbit(schwarz, {"w1_N_m": 0.03, "w2_N_m": 0.02}, x0=[16.0, 0.0])
     seen = assert_scipy_agrees(orbit, schwarz_law)
@@ -415,6 +420,7 @@ def test_a_neck_a_cycle(neck, Zc, amplitude, lag, virial):
     assert_energies_balance(seen)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("Zc", "period", "necks"), [(33.0, 3, 2), (30.0, 4, 3)])
 def test_necks_in_some_cycles_only(neck, Zc, period, necks):
     values = {"H_aJ": 0.0, "gamma_N_m": 0.072, "h_nm": 1.0, "on_nm": 1.0, "off_nm": 3.0, "Zc_nm": Zc}
@@ -543,6 +549,7 @@ def liquid():
     return afm.model(probe, afm.Hertz(E_GPa=1.0), drive, Zc_nm=100.0)
 
 
+@pytest.mark.campaign
 def test_a_shaken_base_in_liquid(liquid):
     orbit = saltus.find_orbit(liquid, x0=[0.0, 0.0])
     light, tip = afm.observables(orbit), afm.observables(orbit, of="tip")
@@ -571,6 +578,7 @@ def test_a_free_response_lags_from_the_lead_of_its_own_drive(liquid):
     assert seen["lag_deg_2"] == pytest.approx(-math.degrees(math.atan2(response.imag, response.real)), rel=1e-8)
 
 
+@pytest.mark.campaign
 def test_free_amplitude_at_the_peak_or_at_a_frequency():
     probe = afm.Probe(k_N_m=0.5, f0_kHz=10.0, Q=2.0, R_nm=10.0)
 
@@ -598,6 +606,7 @@ def test_free_amplitude_at_the_peak_or_at_a_frequency():
 # laws without regions
 
 
+@pytest.mark.campaign
 def test_smooth_laws_lose_no_energy_and_have_no_contact():
     law = afm.LennardJones(H_aJ=0.1, sigma_nm=0.34) + afm.DLVO(
         tip_mC_m2=-20.0, sample_mC_m2=-30.0, debye_nm=3.0, H_aJ=0.1

@@ -84,6 +84,7 @@ def test_a_lag_of_a_further_drive_has_its_shown_phase_too():
     assert seen["shown_phase_deg_2"] == pytest.approx(90.0 - seen["lag_deg_2"], abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_curve_is_shown_in_another_convention_without_being_followed_again(curve):
     jumps = curve.jumps
     back = curve.shown_as("lag90")

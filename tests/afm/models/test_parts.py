@@ -72,6 +72,7 @@ def test_a_law_of_ones_own_is_known_where_it_is_and_told_where_it_is_not():
         afm.model(ONE, found, afm.Drive(A0_nm=5.0), Zc_nm=10.0)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", ["one mode", "one law", "two modes", "second mode", "force", "base"])
 def test_a_model_of_an_older_file_has_the_same_readings(name):
     system = afm.model(*PARTS[name], Zc_nm=30.0)
@@ -90,6 +91,7 @@ def test_what_is_made_of_a_model_has_its_parts():
         assert parts_of(other) == parts_of(system)
 
 
+@pytest.mark.campaign
 def test_parts_come_back_from_a_file(tmp_path):
     system = afm.model(*PARTS["one mode"], Zc_nm=14.5)
     orbit = afm.distance_curve(system, (14.0, 15.0)).at(14.5)[0]

@@ -130,6 +130,7 @@ def test_a_mode_that_nothing_moves_far_away_is_no_hindrance(law):
     np.testing.assert_allclose(sizes, np.repeat(np.sort(decays), 2), rtol=1e-6)
 
 
+@pytest.mark.campaign
 def test_a_sample_that_relaxes_fast_in_a_period_has_a_whole_curve():
     """The surface relaxes by 450 factors e in a period; energies are those of all harmonics, and balanced."""
     probe = afm.Probe(k_N_m=5.7292, f0_kHz=19.0707, Q=227.0, R_nm=160.0)

@@ -107,6 +107,7 @@ def test_coefficients_of_more_modes_begin_with_those_of_fewer():
     assert (few.C, few.G) == (many.C, many.G)
 
 
+@pytest.mark.campaign
 @given(metre=FACTOR, kilogram=FACTOR, second=FACTOR)
 @settings(max_examples=50)
 def test_dimensionless_coefficients_do_not_depend_on_units(metre, kilogram, second):

@@ -29,6 +29,7 @@ def test_a_grazing_free_orbit_is_found_beside_an_impacting_one_of_long_period(mo
     assert settled_orbit(model, {"Omega": 0.916}, "attractive").min["z"] > 1.0 / 300.0
 
 
+@pytest.mark.campaign
 def test_a_regime_without_a_stable_orbit_is_refused_with_where_motions_end(model):
     wanted = (
         "orbit = 'attractive': must be a regime with a stable periodic orbit at these parameters; "

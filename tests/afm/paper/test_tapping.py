@@ -239,6 +239,7 @@ def test_system_seen_before_needs_no_sympy(systems):
     assert in_new_process(code) == "q1 []"
 
 
+@pytest.mark.campaign
 def test_model_seen_before_needs_no_sympy():
     code = (
         f"import sys; from saltus import afm; p = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=10.0); "
@@ -248,6 +249,7 @@ def test_model_seen_before_needs_no_sympy():
     assert in_new_process(code) == "z1_nm []"
 
 
+@pytest.mark.campaign
 def test_names_of_the_floor_load_in_any_order():
     told = "print({callable(getattr(afm, n)) for n in afm.__all__})"
     code = f"import saltus.afm.paper.table1; from saltus import afm; {told}"

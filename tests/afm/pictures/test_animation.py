@@ -186,6 +186,7 @@ def test_an_mp4_is_written(orbit, tmp_path):
     assert path.read_bytes()[4:8] == b"ftyp"
 
 
+@pytest.mark.campaign
 def test_an_interrupt_leaves_an_older_film_as_it_was(orbit, tmp_path):
     path = tmp_path / "tap.gif"
     path.write_text("older")

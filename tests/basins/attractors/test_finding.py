@@ -107,6 +107,7 @@ def test_the_sample_count_of_a_measured_trap_is_told(wells):
     assert wells.measured_error == pytest.approx(max(bounds), rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_attractors_survive_a_file(wells, tmp_path):
     again = Attractors.load(wells.save(tmp_path / "wells.nc"))
     assert again == wells
@@ -385,6 +386,7 @@ def test_equilibria_of_a_system_without_a_phase_are_at_rest():
     assert found.interval == 1.7
 
 
+@pytest.mark.campaign
 def test_a_limit_cycle_is_seen_as_a_closed_curve_unless_the_looks_lock_to_it():
     system = HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": "-x + (1 - x**2)*v"})})
     region = {"x": (-3, 3), "v": (-3, 3)}

@@ -75,6 +75,7 @@ def test_a_motion_that_keeps_0_08_from_the_sample_has_a_third_of_the_gap_to_swin
     assert cage.floors[0] == pytest.approx(2.0 * 2.35038841e-6 / 0.08**2 / 0.025, rel=1e-3)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_sizes_are_the_amplitudes_of_the_modes(n):
     oscillators, rng = Oscillators(n, DAMPINGS[n]), np.random.default_rng(n)

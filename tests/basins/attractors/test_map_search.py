@@ -57,6 +57,7 @@ def roots():
     return find_attractors(NEWTON, {}, SQUARE)
 
 
+@pytest.mark.campaign
 def test_the_henon_map_has_one_chaotic_attractor(henon):
     assert henon.kinds == {"chaotic": "chaotic"}
     assert henon.fates["undecided"] == 0
@@ -167,6 +168,7 @@ def test_attractors_that_two_pieces_share_name_both():
     assert abs(found.points["period-1"][0, 0]) < 1e-12
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("left", "right"), [(-0.5, 0.3), (-0.5, -1.9), (0.9, 0.9)])
 def test_a_fixed_point_on_a_border_attracts(left, right):
     kink = Map(("x",), {"a": left, "b": right}, pieces={"l": Piece({"x": "a*x"}, "-x"), "r": Piece({"x": "b*x"}, "x")})
@@ -176,6 +178,7 @@ def test_a_fixed_point_on_a_border_attracts(left, right):
     assert basins.fractions()["period-1"] == 1.0
 
 
+@pytest.mark.campaign
 def test_integrity_of_a_map_follows_its_basin_along_a_parameter(tmp_path):
     profile = saltus.erosion_profile(TENT, "a", [1.5, 1.9], {"x": (-0.5, 1.5, 400)})
     assert profile.attractors == ("chaotic",)
@@ -195,6 +198,7 @@ def test_a_closed_curve_is_a_quasi_periodic_attractor():
     assert "quasi-periodic" in found.kinds.values()
 
 
+@pytest.mark.campaign
 def test_basins_of_a_map_in_billionths_are_the_same(henon):
     unit = 1e-9
     small = Map(("x", "y"), {"a": 1.4, "b": 0.3}, {"x": "1e-9 - a*1e9*x**2 + y", "y": "b*x"})
@@ -221,6 +225,7 @@ def test_an_interrupt_waits_until_the_sequence_of_starts_is_made(monkeypatch):
     assert len(made) == 1
 
 
+@pytest.mark.campaign
 def test_files_and_stores_hold_basins_of_maps(henon, roots, tmp_path, monkeypatch):
     monkeypatch.setattr(saltus.basins.map.grid, "_LEAST", 60)
     monkeypatch.setattr(saltus.basins.map.grid, "_CHUNK", 30)

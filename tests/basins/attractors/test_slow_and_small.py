@@ -71,6 +71,7 @@ def test_why_cells_are_undecided_is_told_and_kept(forced, resonant, tmp_path):
     assert type(short).load(short.save(tmp_path / "short.nc")).undecided == short.undecided
 
 
+@pytest.mark.campaign
 def test_attractors_keep_their_decay_in_a_file(resonant, tmp_path):
     again = Attractors.load(resonant.attractors.save(tmp_path / "found.nc"))
     assert dict(again.decays) == dict(resonant.attractors.decays)
@@ -135,6 +136,7 @@ def test_where_nothing_attracts_that_is_told(forced, free):
         find_attractors(systems.ball(), {"e": 1.0}, {"z": (0.1, 2), "v": (-1, 1)}, options=replace(FEW, interval=1.0))
 
 
+@pytest.mark.campaign
 def test_a_limit_cycle_to_which_motions_creep_is_one_attractor(free):
     found = map_basins(
         free, {"c": 0.0, "mu": 0.01}, {"x": (-3, 3, 16), "v": (-3, 3, 16)}, QUICK, options=BasinOptions(interval=1.0)

@@ -73,6 +73,7 @@ def test_an_attractor_inside_the_ellipsoid_that_contracts_is_left_out():
     assert core.level < found.level < 0.049**2
 
 
+@pytest.mark.campaign
 def test_beyond_a_plane_side_of_the_basin_the_ellipsoid_goes_on_growing():
     trial = enlarging(half_plane, [5.0, 5.0], samples=4000, states=("x", "y"))
     whole = whole_of(trial, round_about([0.0, 0.0], 0.01), round_about([0.0, 0.0], 0.002))

@@ -26,6 +26,7 @@ def threads():
         yield client
 
 
+@pytest.mark.campaign
 def test_workers_write_the_array_that_this_process_would(threads, well, both, basins, small_units, tmp_path):
     seen = []
     found = map_basins(

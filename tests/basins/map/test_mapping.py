@@ -165,6 +165,7 @@ def test_a_search_shows_a_bar(well, capsys):
         find_attractors(well, {}, region, options=AttractorOptions(starts=8), progress="loud")
 
 
+@pytest.mark.campaign
 def test_a_system_without_a_phase_is_looked_at_every_interval(tmp_path):
     still = HybridSystem(("x", "v"), {"c": 0.5}, {"well": Mode({"x": "v", "v": "-c*v + x - x**3"})}, name="still")
     grid, store = {"x": (-2.0, 2.0, 10), "v": (-2.0, 2.0, 8)}, tmp_path / "a.zarr"

@@ -99,6 +99,7 @@ def test_what_is_no_store_is_told_by_what_it_is(stored, tmp_path):
             Basins.open(tmp_path / name)
 
 
+@pytest.mark.campaign
 def test_damaged_metadata_and_damaged_attractors_of_a_store_are_told(stored, well, tmp_path):
     path = tmp_path / "found.zarr"
     map_basins(well, {}, BOX, {"options": AttractorOptions(starts=12, samples=200)}, path=path)
@@ -288,6 +289,7 @@ def test_a_store_is_resumed_with_the_search_for_attractors_that_made_it_or_witho
         map_basins(well, {}, BOX, {}, path=path)
 
 
+@pytest.mark.campaign
 def test_a_store_whose_search_was_written_under_other_names_is_resumed(well, tmp_path):
     path, search = tmp_path / "a.zarr", {"options": AttractorOptions(starts=12, samples=200)}
     found = map_basins(well, {}, BOX, search, path=path)
@@ -354,6 +356,7 @@ def test_a_full_disk_is_told_and_leaves_a_store_that_can_be_read_and_resumed(
     assert np.array_equal(np.asarray(map_basins(well, {}, BOX, both, path=path).labels), basins.labels)
 
 
+@pytest.mark.campaign
 def test_no_store_is_made_or_read_by_way_of_temporary_files(well, tmp_path, monkeypatch):
     path, options = tmp_path / "a.zarr", {"options": AttractorOptions(starts=12, samples=200)}
 

@@ -48,6 +48,7 @@ def test_a_half_plane_has_the_entropy_of_its_cut():
     assert (found.boxes, found.boundary_boxes, found.fractal) == (100, 10, False)
 
 
+@pytest.mark.campaign
 def test_square_boxes_cut_by_random_lines_have_the_known_entropy():
     # isotropic lines that hit the box: direction with a density as its width, then the offset uniform in that width
     random, count, e = np.random.default_rng(3), 4000, 60
@@ -271,6 +272,7 @@ def test_boundaries_some_cells_apart_are_told_by_how_many():
     assert not wada_by_merging(kb.basins(labels), 2).wada
 
 
+@pytest.mark.campaign
 def test_boundaries_read_in_many_blocks_are_those_read_at_once(newton):
     fine = np.kron(newton[1.0].labels[200:700, 200:700], np.ones((5, 5), np.uint8))  # more cells than a block
     coarse = wada_by_merging(kb.basins(newton[1.0].labels[200:700, 200:700]), 6)

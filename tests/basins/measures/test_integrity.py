@@ -219,6 +219,7 @@ def test_a_search_outwards_finds_the_nearest_cell_of_all(monkeypatch):
         assert found.value == pytest.approx(min(expected, 1.0 - abs(start[0]), 1.5 - abs(start[1])))
 
 
+@pytest.mark.campaign
 def test_a_ball_is_found_without_reading_the_whole_grid():
     wide = kb.sampled(lambda x, y: x**2 + y**2 > 0.01, (5000, 5000), 1.0)
     seen = counted(wide)
@@ -352,6 +353,7 @@ def test_a_grid_too_large_for_the_transform_is_refused():
 # stores
 
 
+@pytest.mark.campaign
 def test_measures_of_a_store_and_of_its_sections_are_those_of_the_array(tmp_path, small_units, monkeypatch):
     monkeypatch.setattr("saltus.basins.measures.distances._NEAR", 100)
     labels = np.repeat(np.repeat(np.repeat(RANDOM.integers(0, 3, (5, 4, 6)), 4, axis=0), 5, axis=1), 3, axis=2)

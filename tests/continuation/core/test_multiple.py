@@ -68,6 +68,7 @@ def test_where_every_direction_is_one_no_branch_is_made_up():
         switch_branch(at_zero(circle, "a", [0.0, 0.0]))
 
 
+@pytest.mark.campaign
 def test_two_equal_maps_double_alone_together_and_in_turn():
     pair = saltus.Map(("x", "y"), {"r": 2.8}, {"x": "r*x*(1 - x)", "y": "r*y*(1 - y)"})
     branch = saltus.continue_orbit(saltus.solve_orbit(pair, x0=[0.64, 0.64]), "r", (2.0, 3.4), events={"r": 3.0})

@@ -392,6 +392,7 @@ def test_no_orbit_is_kept_whose_flight_dips_through_the_surface_at_its_start():
     assert_motions(branch.solution(i) for i in range(len(branch) - 1))  # at the end itself, motions part
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize(
     ("start", "bounds", "expected"),
@@ -411,6 +412,7 @@ def test_a_branch_through_a_grazing_has_the_same_points_there_and_back(start, bo
             np.testing.assert_allclose(values(back, kind), values(there, kind), atol=1e-9, err_msg=kind)
 
 
+@pytest.mark.campaign
 def test_beyond_a_grazing_that_makes_two_halves_alike_the_orbit_is_followed_once_round():
     branch = continue_orbit(tapping(*FOUR_TURNS), "D_rep_2", (6.0, 8.0))
     assert {form.turns for form in branch.forms} == {2, 4}

@@ -190,6 +190,7 @@ def test_a_cascade_without_branches_is_saved_too(logistic, tmp_path):
     assert saltus.results.Cascade.load(none.save(tmp_path / "none.nc")) == none
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", guarding(["level", "start", "count", "special_count", "point"], "count"))
 def test_a_parameter_with_the_name_of_a_dimension_or_a_variable_does_no_harm(name, tmp_path):
     system = carried({"x": f"{name}*x*(1 - x)"}, **{name: 2.5})

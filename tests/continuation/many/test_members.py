@@ -236,6 +236,7 @@ def test_a_daemonic_process_computes_the_family_itself(orbit, monkeypatch):
     assert continue_family(orbit, "A", over, BOUNDS, workers=2) == continue_family(orbit, "A", over, BOUNDS, workers=1)
 
 
+@pytest.mark.campaign
 def test_a_dask_cluster_computes_the_same_family(orbit, family):
     distributed = pytest.importorskip("distributed")
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0")
@@ -414,6 +415,7 @@ def test_workers_do_not_outlive_a_parent_that_is_killed(tmp_path):
 # files
 
 
+@pytest.mark.campaign
 def test_a_family_is_saved_and_read_back_equal(mixed, tmp_path):
     again = saltus.load(mixed.save(tmp_path / "family.nc"))
     assert isinstance(again, Family)
@@ -424,6 +426,7 @@ def test_a_family_is_saved_and_read_back_equal(mixed, tmp_path):
     assert {branch.forms for branch in again if branch is not None} == {mixed[0].forms}
 
 
+@pytest.mark.campaign
 def test_members_of_different_signatures_and_ends_survive_a_file(tmp_path, orbit):
     options = BranchOptions(StepControl(initial=1.0, largest=1.0))  # so long that some steps are rejected
     family = continue_family(orbit, "A", {"d": [1.0, 9.0, -0.5]}, (0.9, 1.5), options=options, workers=1)
@@ -502,6 +505,7 @@ def test_the_repr_lists_each_member_with_its_special_points_or_its_reason(mixed)
     assert lines[2] == f"  d = 9, c = 0.1     none: {mixed.failures[1]}"
 
 
+@pytest.mark.campaign
 def test_the_repr_of_a_long_family_leaves_out_its_middle(henon):
     family = continue_family(henon, "b", {"a": np.linspace(0.2, 0.3, 40)}, (0.29, 0.31), workers=1)
     lines = repr(family).splitlines()

@@ -20,6 +20,7 @@ def duffing():
     )  # fmt: skip
 
 
+@pytest.mark.campaign
 def test_the_resonances_of_a_linear_oscillator_in_displacement_velocity_and_acceleration(duffing):
     """Of displacement at w**2 = 1 - c**2/2, of velocity at 1, of acceleration at 1/(1 - c**2/2)."""
     events = dict.fromkeys(("x", "max_v", A1, f"{A1}*w**2", "period"), "extremum")
@@ -49,6 +50,7 @@ def response(duffing):
     return continue_orbit(find_orbit(duffing, {"w": 0.6}, [0.0, 0.0]), "w", (0.5, 2.6), events={A1: "extremum"})
 
 
+@pytest.mark.campaign
 def test_the_peak_of_a_duffing_oscillator_before_its_fold(response):
     """SciPy's search among orbits that the branch finds."""
     (peak,) = response.special_points.of_type("EX")
@@ -68,6 +70,7 @@ def test_from_the_other_end_the_same_peak_is_found_behind_both_folds(duffing, re
     assert back["EX1"].value("w") == pytest.approx(response["EX1"].value("w"), abs=1e-11)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("with_parameters", [True, False])
 def test_a_quantity_of_a_family_of_swings_has_a_least_value(with_parameters):
     """Of a system without parameters too, by differences."""
@@ -96,6 +99,7 @@ def test_the_slowest_impact_of_an_impact_oscillator(impact_oscillator):
     assert branch["EX1"].value("w") == pytest.approx(best["w"], abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_at_a_corner_of_the_quantity_rejected_steps_tell_that_there_is_no_zero(duffing):
     """The least value at w = 1, where the maximum changes places, is none of a smooth quantity."""
     name = "max((x - 5*(w - 1))**2)"
@@ -123,6 +127,7 @@ def test_of_equilibria_and_fixed_points_states_and_outputs_have_extrema():
     assert ended.values[-1] == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_extrema_are_saved_and_drawn(response, tmp_path):
     again = saltus.load(response.save(tmp_path / "response.nc"))
     assert again == response

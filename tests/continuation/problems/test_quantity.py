@@ -58,6 +58,7 @@ def response(driven):
     return freed, continue_orbit(driven, "A", (0.001, 1.0), events=events)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("quantity", "bounds"),
     [("max_x", (0.1, 3.1)), ("period", (6.3, 20.0)), ("energy", (-0.99, 0.99)), ("amplitude(x, 1)", (0.1, 2.5))],
@@ -89,6 +90,7 @@ def test_jumps_of_an_elastic_ball_along_their_period(jumping):
     assert branch["max_z1"].orbit.period == pytest.approx(math.sqrt(8.0), rel=1e-9)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("free", [None, "c"])
 def test_a_hardening_spring_in_micrometres_and_microseconds(free):
     system = HybridSystem.smooth({"x": "v", "v": "-k*x - b*x**3 + c*v"}, {"k": 1e12, "b": 1e30, "c": 0.0})
@@ -131,6 +133,7 @@ def test_the_straight_mode_of_henon_and_heiles_bifurcates_where_brack_has_it():
     assert not branch.stable[math.ceil(after)]
 
 
+@pytest.mark.campaign
 def test_a_mode_of_two_coupled_oscillators_closes_in_another_solver():
     field = {"x": "u", "y": "v", "u": "-x - x**3 - k*(x - y)", "v": "-y - k*(y - x)"}
     energy = "(u**2 + v**2 + x**2 + y**2)/2 + x**4/4 + k*(x - y)**2/2"
@@ -150,6 +153,7 @@ def test_a_mode_of_two_coupled_oscillators_closes_in_another_solver():
         assert one.max["energy"] - one.min["energy"] < 1e-10 * one.max["energy"]
 
 
+@pytest.mark.campaign
 def test_a_family_goes_on_through_a_grazing_at_an_elastic_wall():
     wall = Transition("free", "free", "x - d", 1, {"v": "-v"}, name="wall")
     system = HybridSystem(("x", "v"), {"d": 1.0}, {"free": Mode({"x": "v", "v": "-x"})}, [wall])
@@ -177,6 +181,7 @@ def test_a_freed_parameter_follows_the_branch_along_that_parameter(response):
         assert again.max["x"] == pytest.approx(freed.values[i], rel=1e-9)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", ["amplitude(x, 1)", "phase(x, 1)", "mean(x**2)"])
 def test_events_of_observables_are_located_along_either(response, name):
     wanted = {"amplitude(x, 1)": 1.0, "phase(x, 1)": 0.5, "mean(x**2)": 0.5}[name]
@@ -244,6 +249,7 @@ def test_a_branch_goes_on_from_an_orbit_of_another(swinging):
     assert branch.period == pytest.approx(4.0 * ellipk(np.sin(0.5 * branch.column("max_x")) ** 2), rel=1e-10)
 
 
+@pytest.mark.campaign
 def test_cycles_shrink_to_their_hopf_point_along_their_size():
     system = HybridSystem.smooth({"x": "v", "v": "mu*v - x - x**2*v"}, {"mu": 0.5})
     orbit = solve_orbit(system, x0=[1.2, 0.0], period=6.3, fix={"max_x": 1.0}, free="mu")
@@ -262,6 +268,7 @@ def test_a_freed_parameter_keeps_to_its_bounds():
     assert branch.freed[0] < 1e-4
 
 
+@pytest.mark.campaign
 def test_a_quantity_that_turns_has_a_turning_point():
     """x'' = -x + x^3 - 0.4 x^5: the period grows with the amplitude, then falls."""
     system = HybridSystem.smooth({"x": "v", "v": "-x + x**3 - 0.4*x**5"})

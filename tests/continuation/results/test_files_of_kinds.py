@@ -39,6 +39,7 @@ def test_a_class_of_another_module_is_saved_and_loaded(tmp_path):
     assert load(Reading(2.5).save(tmp_path / "reading.nc")) == Reading(2.5)
 
 
+@pytest.mark.campaign
 def test_a_kind_that_nobody_defines_is_named(tmp_path):
     dataset = tagged(Reading(2.5)).assign_attrs(saltus_result="Sighting")
     with pytest.raises(InputError, match="import the module that has the class Sighting"):

@@ -71,6 +71,7 @@ def test_points_and_special_points_have_the_observables_of_their_orbits(branch):
 SURVEYED = ("mean(x)", "amplitude(x, 1)", "phase(x, 1)", "amplitude(v, 1)", "fraction(free)", "max(x)", "min(v)")
 
 
+@pytest.mark.campaign
 def test_what_the_survey_sums_is_what_each_orbit_shows_by_itself(branch, tmp_path):
     held = saltus.load(branch.save(tmp_path / "branch.nc"))
     for name in SURVEYED:
@@ -95,6 +96,7 @@ def test_harmonics_of_doubled_and_of_autonomous_orbits_are_the_orbits_own(impact
             assert curve.column(name) == pytest.approx(np.array(alone), abs=1e-10)
 
 
+@pytest.mark.campaign
 def test_formulas_in_observables_and_parameters_are_columns(response):
     w = response.values
     z = 0.05 / (1.0 - w**2 + 0.1j * w)
@@ -133,6 +135,7 @@ def test_a_locus_is_observed_like_a_branch(branch):
     assert speeds == pytest.approx([ImpactOrbit(w).U_fold for w in locus.column("w")], abs=1e-6)
 
 
+@pytest.mark.campaign
 def test_a_saved_branch_is_observed_alike(branch, tmp_path):
     again = saltus.load(branch.save(tmp_path / "branch.nc"))
     assert np.array_equal(again.column("amplitude(x, 2)"), branch.column("amplitude(x, 2)"))

@@ -101,6 +101,7 @@ def test_cycles_of_the_hopf_normal_form_are_circles(place):
     assert other == pytest.approx(np.exp(-4.0 * math.pi * cycles.values / 3.0), rel=1e-7)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("place", fields.PLANES)
 def test_cycles_of_the_bautin_form_fold_where_the_closed_form_says(place):
     plane = fields.PLANES[place]
@@ -246,6 +247,7 @@ def test_units_of_time_change_nothing(place, time):
     assert cycles.period == pytest.approx(2.0 * math.pi * time, rel=1e-9)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("growth", [0.5, 1.5, 6.0])
 def test_cycles_are_born_beside_a_direction_that_grows_however_fast(growth):
     field = {"x": "m*x - w*y - x*(x**2 + y**2)", "y": "m*y + w*x - y*(x**2 + y**2)", "z": "g*z + x**2 - y**2"}

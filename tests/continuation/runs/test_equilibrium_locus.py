@@ -135,6 +135,7 @@ def test_hopf_points_that_touch_a_straight_line_of_folds_do_not_turn_there(stret
     ]
 
 
+@pytest.mark.campaign
 def test_bazykins_saddle_nodes_have_both_cusps_and_both_bogdanov_takens_points(plane, bazykin):
     folds = bazykin["SN"]
     assert folds.stopped == ("the locus is closed", "the locus is closed")

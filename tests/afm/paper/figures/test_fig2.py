@@ -83,6 +83,7 @@ def test_parameters_are_the_captions(content):
     assert (p["D_att_1"], p["D_att_2"], p["D_rep_1"], p["D_rep_2"]) == (0.025, 0.025, 4.0, 4.0)
 
 
+@pytest.mark.campaign
 def test_the_data_file_gives_the_orbits_back(found):
     again = read_results(found["files"][0])
     assert list(again) == ["impacting", "non_impacting", "response"]

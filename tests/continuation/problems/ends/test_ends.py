@@ -121,6 +121,7 @@ def births(bursting: HybridSystem) -> dict[str, Branch]:
     }
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("label", "J"), [("HB1", 1.34107296509), ("HB3", 6.18401850275), ("HB4", 25.2641282731)])
 def test_cycles_of_a_bursting_neuron_shrink_to_their_hopf_points(
     births: dict[str, Branch], label: str, J: float
@@ -182,6 +183,7 @@ def test_a_hopf_point_that_is_a_saddle_node_as_well_is_told_to_be_a_zero_hopf_po
         switch_branch(branch["HB1"])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("largest", [0.03, 0.1, 0.2, 0.3])
 def test_cycles_whose_period_alone_grows_do_not_turn_round(largest):
     field = {

@@ -100,6 +100,7 @@ def test_lorenz_homoclinic_orbit_is_that_in_print(lorenz: Branch) -> None:
     assert repr(point).startswith("SpecialPoint HOM1, homoclinic orbit, test function")
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", ["lorenz", "planar"])
 def test_cycles_become_a_thousand_times_as_long_with_a_bounded_residual(
     name: str, request: pytest.FixtureRequest
@@ -213,6 +214,7 @@ def test_membrane_of_class_one_ends_at_the_saddle_node_on_a_circle() -> None:
     assert any("the period grows without bound" in text for text in branch.stopped)
 
 
+@pytest.mark.campaign
 def test_membrane_that_spikes_slowly_ends_at_a_homoclinic_orbit() -> None:
     point = membrane(0.23)["HOM1"]
     saddle = point.equilibrium
