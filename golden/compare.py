@@ -51,6 +51,19 @@ def unpaired(before: list[Any], after: list[Any]) -> tuple[list[Any], list[Any]]
     )
 
 
+def unknown_numbers(before: dict[str, list[Any]], after: dict[str, list[Any]]) -> tuple[int, list[str]]:
+    """Return how many calls there are after, and those whose numbers no call had before, in whatever test."""
+
+    def numbers(call: list[Any]) -> str:
+        name, leaves = call
+        return json.dumps([name, {path: leaf for path, leaf in leaves.items() if len(leaf) > 1}], sort_keys=True)
+
+    known = {numbers(call) for calls in before.values() for call in calls}
+    made = [(test, call) for test, calls in after.items() for call in calls]
+    new = [(test, call) for test, call in made if any(len(leaf) > 1 for leaf in call[1].values())]
+    return len(made), [f"{test}: {call[0]}" for test, call in new if numbers(call) not in known]
+
+
 def main() -> int:
     """Compare two folders and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -58,8 +71,14 @@ def main() -> int:
     parser.add_argument("after", type=Path)
     parser.add_argument("--digits", type=int, help="decimal digits, relative, to which numbers must agree")
     parser.add_argument("--most", type=int, default=40, help="lines to print")
+    parser.add_argument("--numbers", action="store_true", help="numbers alone, whichever test asks for them")
     given = parser.parse_args()
     before, after = read(given.before), read(given.after)
+    if given.numbers:
+        count, lines = unknown_numbers(before, after)
+        print(f"{count} calls after; numbers of {len(lines)} are none of those before")
+        print("\n".join(lines[: given.most]))
+        return 1 if lines else 0
     lines = []
     gone, new = sorted(before.keys() - after.keys()), sorted(after.keys() - before.keys())
     equal = 0
