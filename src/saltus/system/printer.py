@@ -1,4 +1,4 @@
-"""Expressions as Python text that Numba compiles: exact floats, powers as products, no infinite derivatives."""
+"""Expressions as Python text that is compiled: exact floats, powers as products, no infinite derivatives."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def code_printer(*, clamped: bool) -> Any:
         raise DefinitionError("derivatives of the definition", shown, "of real numbers and functions of expressions")
 
     class Printer(PythonCodePrinter):  # type: ignore[misc]
-        """Python text that Numba compiles: exact floats, powers as products."""
+        """Python text that is compiled: exact floats, powers as products."""
 
         _print_ImaginaryUnit = _print_Infinity = _print_NegativeInfinity = _print_ComplexInfinity = _print_NaN = refused
         _print_not_supported = emptyPrinter = refused

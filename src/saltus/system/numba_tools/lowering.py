@@ -13,7 +13,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import Any
 
@@ -24,7 +24,6 @@ from numba.core.cpu_options import FastMathOptions
 from numba.core.registry import cpu_target
 
 __all__ = ["code_of", "library_of"]
-
 
 _DOUBLE = ir.DoubleType()
 _INTEGER = ir.IntType(64)
@@ -156,12 +155,12 @@ class _Lowering:
         self._apart(body, before, behind)
         self._builder.position_at_end(behind)
 
-    def _apart(self, body: Sequence[ast.stmt], before: Mapping[str, Any], behind: ir.Block) -> None:
+    def _apart(self, body: Sequence[ast.stmt], before: dict[str, Any], behind: ir.Block) -> None:
         """Write statements of whose names nothing is seen behind them."""
         self._names = dict(before)
         self._statements(body)
         self._builder.branch(behind)
-        self._names = dict(before)
+        self._names = before
 
     def _loop(self, counter: str, stop: ast.expr, body: Sequence[ast.stmt]) -> None:
         test, inside, behind = self._blocks(3)
