@@ -50,6 +50,7 @@ from .system import (
     Mode as Mode,
     Piece as Piece,
     Transition as Transition,
+    filippov as filippov,
 )
 from .verification import verify as verify
 from .version import __version__ as __version__

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_fields", "check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
 
+_ON = 1e-8  # event function, over its variation with the states' sizes, up to which a state lies on the surface
 _MOST_UNKNOWNS = 4000  # unknowns of an orbit's equations, whose Jacobian is dense: 128 MB
 _ITERATIONS = 40  # Newton steps, at most
 _STEP_ACCEPTED = 1e-11  # largest Newton step, over the unknowns' sizes, of a converged orbit
@@ -402,11 +403,28 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
     modes = np.roll(signature.modes, -first)
     transitions = np.roll(signature.transitions, -first)
     kinds = [EVENT_END]
-    gradient = np.empty(2 + 2 * n)
-    for block, transition in zip(blocks[1:], transitions[1:], strict=True):
-        x = np.ascontiguousarray(block[:n])
-        problem.system.compiled.call("event_x", int(transition), 0, x, problem.extended, gradient)
-        size = float(np.abs(gradient[2 : 2 + n]) @ problem.state_scale)
-        kinds.append(MEAN_END if abs(gradient[0]) < 1e-8 * size else EVENT_END)
+    for i, block in enumerate(blocks[1:]):
+        laid = _laid_on(problem, int(transitions[i]), int(transitions[i + 1]), np.ascontiguousarray(block[:n]))
+        kinds.append(MEAN_END if laid else EVENT_END)
     chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
     return chosen, blocks.ravel()
+
+
+def _laid_on(problem: OrbitProblem, before: int, own: int, x: NDArray[np.float64]) -> bool:
+    """Return whether a transition lays a motion, which goes on from the full state x, on the surface of another one.
+
+    A motion that leaves a sliding mode is on the surface of its next event, but not since the sliding mode's end says
+    so: that is a condition on the velocity.
+    """
+    n, system = problem.n, problem.system
+    height, last = np.empty(2 + 2 * n), np.empty(2 + 2 * n)
+    system.compiled.call("event_x", own, 0, x, problem.extended, height)
+    slope = height[2 : 2 + n] * problem.state_scale
+    if not abs(height[0]) < _ON * float(np.abs(slope).sum()):
+        return False
+    if system.transitions[before].reset:
+        return True
+    system.compiled.call("event_x", before, 0, x, problem.extended, last)
+    other = last[2 : 2 + n] * problem.state_scale
+    along = abs(float(slope @ other))
+    return along > (1.0 - _ON) * float(np.linalg.norm(slope) * np.linalg.norm(other))

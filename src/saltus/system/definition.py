@@ -143,7 +143,13 @@ class Definition:
             "states": list(self.states),
             "parameters": dict(self.parameters),
             "phase": None if self.phase is None else list(self.phase),
-            "modes": {key: {"field": dict(mode.field), "domain": mode.domain} for key, mode in self.modes.items()},
+            "modes": {
+                key: {
+                    "field": dict(mode.field), "domain": mode.domain,
+                    **({} if mode.surface is None else {"surface": mode.surface}),
+                }
+                for key, mode in self.modes.items()
+            },
             "transitions": [
                 {
                     "source": t.source, "target": t.target, "event": t.event, "direction": t.direction,
@@ -343,7 +349,7 @@ class Definition:
     def _equations(self) -> Iterator[tuple[str, str]]:
         """The expressions that must be smooth, each with where it stands."""
         for key, mode in self.modes.items():
-            yield from ((f"{self.part} {key!r}", text) for text in (*mode.field.values(), mode.domain) if text)
+            yield from ((f"{self.part} {key!r}", text) for text in (*mode.field.values(), mode.domain, mode.surface) if text)
         for t in self.transitions:
             yield from ((f"transition {t.name!r}", text) for text in (t.event, *t.reset.values(), t.when) if text)
         for key, texts in self.conditions.items():
@@ -420,7 +426,9 @@ class Definition:
             lines.append(f"  angles      {', '.join(self.angles)}, modulo 2 pi")
         lines.append(f"  parameters  {', '.join(f'{key} = {value!r}' for key, value in self.parameters.items())}")
         for key, mode in self.modes.items():
-            lines.append(f"  mode {key}" + (f", where {mode.domain} > 0" if mode.domain is not None else ""))
+            where = f", where {mode.domain} > 0" if mode.domain is not None else ""
+            where += f", on {mode.surface} = 0" if mode.surface is not None else ""
+            lines.append(f"  mode {key}{where}")
             lines += [f"    {name}' = {rate}" for name, rate in mode.field.items()]
         lines += [f"  transition {t.name}: {t._sentence()}" for t in self.transitions]
         for key, by_mode in self.outputs.items():

@@ -47,6 +47,9 @@ class Mode:
         Time derivative of each state.
     domain : expression, optional
         Positive where the field is defined; a state outside is refused, an orbit that leaves it is not admissible.
+    surface : expression, optional
+        Zero on the surface along which motions of this mode slide; the field is tangent to it. A start off the surface
+        is refused.
 
     Examples
     --------
@@ -56,11 +59,13 @@ class Mode:
 
     field: Mapping[str, Any]
     domain: Any = None
+    surface: Any = None
 
     def __repr__(self) -> str:
         is_mapping = isinstance(self.field, Mapping)
-        equations = listed(self.field, ", {}' = {}").removeprefix(", ") if is_mapping else repr(self.field)
-        return f"Mode({equations}" + (f"; domain {self.domain} > 0)" if self.domain is not None else ")")
+        text = listed(self.field, ", {}' = {}").removeprefix(", ") if is_mapping else repr(self.field)
+        text += f"; domain {self.domain} > 0" if self.domain is not None else ""
+        return f"Mode({text}" + (f"; surface {self.surface} = 0)" if self.surface is not None else ")")
 
 
 @dataclass(frozen=True)
@@ -194,7 +199,10 @@ def clean_mode(key: str, mode: Mode, names: tuple[str, ...], part: str = "mode")
     if not isinstance(mode.field, Mapping):
         raise DefinitionError(where, mode.field, "a mapping of each state to its rate as the field")
     field_ = {name: text_of(rate, where, names) for name, rate in mode.field.items()}
-    return Mode(field_, None if mode.domain is None else text_of(mode.domain, where, names))
+    domain, surface = (
+        None if part is None else text_of(part, where, names) for part in (mode.domain, mode.surface)
+    )
+    return Mode(field_, domain, surface)
 
 
 def clean_transition(transition: Transition, names: tuple[str, ...]) -> Transition:

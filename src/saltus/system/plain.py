@@ -41,7 +41,7 @@ _FORM: Mapping[str, Any] = {
     "states": _TEXTS,
     "parameters": {"": _NUMBER},
     "phase": [_OPTIONAL],
-    "modes": {"": {"field": {"": _TEXT}, "domain": _OPTIONAL}},
+    "modes": {"": {"field": {"": _TEXT}, "domain": _OPTIONAL, "surface": _OPTIONAL}},
     "transitions": [
         {
             "source": _TEXT, "target": _TEXT, "event": _TEXT, "direction": (int,), "reset": {"": _TEXT},

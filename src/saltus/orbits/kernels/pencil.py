@@ -15,6 +15,8 @@ from saltus.system.numba_tools.linear import solve_flat
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, keep, outlined, pointer
 
+ALIGNED = 0.99  # square of the cosine up to which a vector is an improvement of another one
+
 
 @njit(cache=True, error_model="numpy")
 def pencil(J, kinds, n, vector, sizes, period, P, R):
@@ -73,10 +75,25 @@ def pencil(J, kinds, n, vector, sizes, period, P, R):
         size = 0.0
         for a in range(n):
             size = max(size, abs(v[a]))
+        improved = sign != 0.0 and 0.0 < size < 1e300 and _aligned(v, vector, size, n)
         for a in range(n):
-            better[a] = v[a] / size if sign != 0.0 and 0.0 < size < 1e300 else vector[a]
+            better[a] = v[a] / size if improved else vector[a]
         _quotient(P, R, better, n, left, right, tau, work)
     keep(block)
+
+
+@njit(**INNER)
+def _aligned(v, vector, size, n):
+    """Whether the vector v, of largest component `size`, has the direction of another one but for a small angle.
+
+    It has not where the multiplier 0 is defective, as of an orbit that slides and starts on the surface.
+    """
+    along, own, other = 0.0, 0.0, 0.0
+    for a in range(n):
+        along += v[a] / size * vector[a]
+        own += (v[a] / size) * (v[a] / size)
+        other += vector[a] * vector[a]
+    return along * along >= ALIGNED * own * other
 
 
 @njit(**INNER)

@@ -1,0 +1,267 @@
+"""Filippov systems: from the fields on both sides of surfaces, a hybrid system with sliding modes.
+
+docs/theory/filippov.md derives the sliding field and the conditions of the transitions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from saltus.errors import DefinitionError, nearest
+from saltus.system.expressions import Names, check_name, parse, text_of
+from saltus.system.hybrid import HybridSystem
+from saltus.system.parts import Mode, Transition, clean_phase, mapping_of, names_of, number_of, sequence_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    import sympy
+
+__all__ = ["filippov"]
+
+_ABOVE, _BELOW, _ON = "+", "-", "0"
+_NAMES = {_ABOVE: "above", _BELOW: "below", _ON: "sliding"}  # modes where there is one surface
+_MOST = 4  # surfaces: there are 2**4 fields then
+
+
+def filippov(
+    states: Sequence[str],
+    parameters: Mapping[str, float],
+    *,
+    surface: Any = None,
+    above: Mapping[str, Any] | None = None,
+    below: Mapping[str, Any] | None = None,
+    surfaces: Sequence[Any] = (),
+    fields: Mapping[str, Mapping[str, Any]] | None = None,
+    phase: tuple[str, Any] | None = None,
+    pull: Any = None,
+    outputs: Mapping[str, Any] | None = None,
+    groups: Mapping[str, Sequence[str]] | None = None,
+    positive: Iterable[str] = (),
+    parameter_bounds: Mapping[str, tuple[float, float]] | None = None,
+    let: Mapping[str, Any] | None = None,
+    angles: Iterable[str] = (),
+    name: str = "",
+) -> HybridSystem:
+    """Return the hybrid system of a field that jumps on a surface, with its sliding motions.
+
+    Motions cross the surface where both fields lead to the same side. They slide along it where both lead to it, by
+    Filippov's convex combination of the fields. The modes are ``above``, ``below`` and ``sliding``.
+
+    Parameters
+    ----------
+    states : sequence of str
+        Names of the states, the phase excepted.
+    parameters : mapping of str to float
+        Parameters and their default values.
+    surface : expression
+        Function of state, phase and parameters that is zero on the surface.
+    above, below : mapping of str to expression
+        The field where `surface` is positive, and where it is negative.
+    surfaces : sequence of expression, optional
+        Several surfaces, up to 4, in place of `surface`.
+    fields : mapping of str to mapping, optional
+        The field of each region, in place of `above` and `below`. A region is a text of signs, one for each surface, as
+        ``"+-"``. Regions that do not exist are left out. A sliding mode has ``0`` in the place of its surface.
+    phase : (str, expression), optional
+        Name and rate of an angle, as in `HybridSystem`.
+    pull : expression of parameters, optional
+        Rate at which a sliding mode takes a state that rounding has moved off the surface back to it. No motion on the
+        surface depends on it. By default the rate of the phase, or 1.
+    outputs, groups, positive, parameter_bounds, let, angles, name : optional
+        As in `HybridSystem`.
+
+    Returns
+    -------
+    HybridSystem
+        Its `Mode.surface` tells sliding modes from others.
+
+    Raises
+    ------
+    DefinitionError
+        The fields are not given for both sides; they agree on a surface, so that none slides; neither crosses it.
+
+    Notes
+    -----
+    With the surface h = 0 and the rates L+ and L- of h along both fields, the sliding field is
+    (L- f+ - L+ f-)/(L- - L+). A motion slides where L+ < 0 < L- (Filippov 1988, section 4). Where L+ > 0 > L-, motions
+    leave the surface to either side, so none is continued: a start there is refused.
+
+    Where a motion that slides along one surface meets another surface, it goes on in the one way that there is: sliding
+    along either of them, or into a region. It ends with an error where there are several ways, or none.
+
+    References
+    ----------
+    A. F. Filippov, Differential Equations with Discontinuous Righthand Sides, Kluwer 1988.
+
+    Examples
+    --------
+    >>> stick = filippov(
+    ...     ("x", "v"), {"F": 0.4, "u": 0.3, "w": 0.6}, surface="v - u",
+    ...     above={"x": "v", "v": "cos(theta) - x - F"}, below={"x": "v", "v": "cos(theta) - x + F"},
+    ...     phase=("theta", "w"),
+    ... )
+    >>> stick.modes["sliding"]
+    Mode(x' = v, v' = 0; surface -u + v = 0)
+    """
+    words, rates = _regions(surface, above, below, surfaces, fields)
+    listed = names_of(states, "states")
+    let = mapping_of(let, "let", "of names to expressions")
+    phase = clean_phase(phase, (*listed, *parameters), let)
+    every = (*listed, phase[0]) if phase else listed
+    names = Names((*every, *parameters)).with_let(let)
+    reader = _Reader(listed, phase, names)
+    heights = [reader.read(text, f"surface {text!r}") for text in words]
+    known = {word: reader.field(field, f"field {word!r}" if fields else _NAMES[word]) for word, field in rates.items()}
+    if pull is None:
+        pull = 1 if phase is None else phase[1]
+    parts = _Parts(reader, heights, known, reader.read(pull, "pull"))
+    return HybridSystem(
+        listed, parameters, parts.modes(), parts.transitions(), phase=phase, outputs=outputs, groups=groups,
+        positive=positive, parameter_bounds=parameter_bounds, let=let, angles=angles, name=name,
+    )  # fmt: skip
+
+
+def _regions(
+    surface: Any, above: Any, below: Any, surfaces: Any, fields: Any
+) -> tuple[tuple[Any, ...], dict[str, Mapping[str, Any]]]:
+    """Return the surfaces, and the field of each region by its signs."""
+    single, several = (surface, above, below), (surfaces or None, fields)
+    if all(part is not None for part in single) and all(part is None for part in several):
+        return (surface,), {_ABOVE: above, _BELOW: below}
+    if all(part is None for part in single) and all(part is not None for part in several):
+        listed = sequence_of(surfaces, "surfaces", "of expressions")
+        if len(listed) > _MOST:
+            raise DefinitionError("surfaces", len(listed), f"at most {_MOST} surfaces")
+        given = dict(mapping_of(fields, "fields", "of signs to fields"))
+        for word in given:
+            if not isinstance(word, str) or len(word) != len(listed) or set(word) - {_ABOVE, _BELOW}:
+                wanted = f"a text of {len(listed)} signs, one for each surface, as {'+-+-'[: len(listed)]!r}"
+                raise DefinitionError("fields", word, wanted)
+        if not any(_flipped(word, i) in given for word in given for i in range(len(listed))):
+            raise DefinitionError("fields", list(given), "of regions on both sides of a surface")
+        return listed, given
+    wanted = "surface=, above= and below= given for one surface, or surfaces= and fields= for several"
+    raise DefinitionError("surface", surface if surface is not None else list(surfaces), wanted)
+
+
+def _flipped(word: str, i: int) -> str:
+    """Return the region on the other side of a surface."""
+    return _with(word, i, _BELOW if word[i] == _ABOVE else _ABOVE)
+
+
+def _with(word: str, i: int, sign: str) -> str:
+    return word[:i] + sign + word[i + 1 :]
+
+
+class _Reader:
+    """Expressions of a definition as SymPy's, and back."""
+
+    def __init__(self, states: tuple[str, ...], phase: tuple[str, str] | None, names: Names) -> None:
+        import sympy
+
+        self.states, self.names = states, names
+        self.x = [sympy.Symbol(name, real=True) for name in states]
+        self.rate = None if phase is None else self.read(phase[1], "phase")
+        self.theta = None if phase is None else sympy.Symbol(phase[0], real=True)
+
+    def read(self, expression: Any, where: str) -> sympy.Expr:
+        return parse(text_of(expression, where, self.names), self.names, where)
+
+    def field(self, field: Any, where: str) -> list[sympy.Expr]:
+        given = mapping_of(field, where, "of states to rates")
+        if missing := [name for name in self.states if name not in given]:
+            wanted = f"an equation for each of {', '.join(self.states)}"
+            raise DefinitionError(where, list(given), wanted, f"{missing[0]!r} is missing")
+        if extra := [name for name in given if name not in self.states]:
+            raise DefinitionError(where, extra[0], f"a state: {', '.join(self.states)}", nearest(extra[0], self.states))
+        return [self.read(given[name], where) for name in self.states]
+
+    def along(self, height: sympy.Expr, field: list[sympy.Expr]) -> sympy.Expr:
+        """Return the rate of a function along a field."""
+        import sympy
+
+        rate = sum(sympy.diff(height, symbol) * f for symbol, f in zip(self.x, field, strict=True))
+        return rate if self.theta is None else rate + sympy.diff(height, self.theta) * self.rate
+
+
+@dataclass
+class _Parts:
+    """Modes and transitions of the regions and of sliding along each of their borders."""
+
+    reader: _Reader
+    heights: list[sympy.Expr]
+    known: dict[str, list[sympy.Expr]]
+    pull: sympy.Expr
+
+    def __post_init__(self) -> None:
+        self.sliding: dict[str, list[sympy.Expr]] = {}
+        for word in self.known:
+            for i in range(len(word)):
+                if word[i] == _ABOVE and _flipped(word, i) in self.known:
+                    self.sliding[_with(word, i, _ON)] = self._slide(word, i)
+        self.fields = {**self.known, **self.sliding}
+
+    def rates(self, word: str) -> tuple[sympy.Expr, sympy.Expr]:
+        """Return the rates of a sliding mode's surface along the fields above and below it."""
+        i = word.index(_ON)
+        return tuple(self.reader.along(self.heights[i], self.known[_with(word, i, s)]) for s in (_ABOVE, _BELOW))
+
+    def _slide(self, word: str, i: int) -> list[sympy.Expr]:
+        import sympy
+
+        up, down = self.known[word], self.known[_flipped(word, i)]
+        h = self.heights[i]
+        rise, fall = self.rates(_with(word, i, _ON))
+        gradient = [sympy.diff(h, symbol) for symbol in self.reader.x]
+        where = f"surface {h}"
+        if not h.free_symbols & set(self.reader.x):
+            raise DefinitionError("surface", str(h), "a function of the state")
+        if sympy.simplify(fall - rise) == 0:
+            wanted = "crossed by the two fields at different rates"
+            hint = "the fields agree on it, so nothing slides: two modes and a transition say the same"
+            raise DefinitionError(where, str(h), wanted, hint if sympy.simplify(rise) != 0 else "no field crosses it")
+        steep = sum(part**2 for part in gradient)
+        back = [self.pull * h * part / steep for part in gradient]
+        weight = sympy.cancel(sympy.together(fall / (fall - rise)))
+        found = []
+        for a, b, off in zip(up, down, back, strict=True):
+            jump = sympy.simplify(a - b)
+            slide = b if jump == 0 else sympy.simplify(b + weight * jump)
+            found.append(slide - off)
+        return found
+
+    def name(self, word: str) -> str:
+        return _NAMES[word] if len(word) == 1 else word
+
+    def modes(self) -> dict[str, Mode]:
+        """Return the modes, regions first."""
+        made = {}
+        for word, field in self.fields.items():
+            surface = self.heights[word.index(_ON)] if _ON in word else None
+            made[self.name(word)] = Mode(dict(zip(self.reader.states, field, strict=True)), surface=surface)
+        return made
+
+    def transitions(self) -> list[Transition]:
+        """Return the transitions: from regions into sliding and across, out of sliding, and where surfaces meet."""
+        made: list[tuple[str, str, sympy.Expr, int, sympy.Expr]] = []
+        for word in self.known:
+            for i, sign in enumerate(word):
+                if (other := _flipped(word, i)) in self.known:
+                    h, way = self.heights[i], -1 if sign == _ABOVE else 1
+                    beyond = -way * self.reader.along(h, self.known[other])
+                    made.append((word, _with(word, i, _ON), h, way, beyond))
+                    made.append((word, other, h, way, -beyond))
+        for word in self.sliding:
+            i = word.index(_ON)
+            rise, fall = self.rates(word)
+            made.append((word, _with(word, i, _ABOVE), rise, 1, fall))
+            made.append((word, _with(word, i, _BELOW), fall, -1, -rise))
+        varying = {*self.reader.x, self.reader.theta}
+        return [
+            Transition(self.name(source), self.name(target), event, way, when=when)
+            for source, target, event, way, when in made
+            if event.free_symbols & varying and not when.is_nonpositive
+        ]
