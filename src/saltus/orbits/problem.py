@@ -402,7 +402,7 @@ class OrbitProblem:
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
         lows, highs, moments = np.empty(quantities), np.empty(quantities), np.empty((quantities, 3))
         margins, places = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
-        found = lows, highs, margins, places, np.zeros((self.segments, 3)), np.empty(self.n), moments
+        found = lows, highs, margins, places, np.zeros((self.segments, 4)), np.empty(self.n), moments
         faults = self._surveys.survey(
             self.record, self._events, self.mesh, self._dense, (self.tol, self._atol), self.state_scale, u, found
         )

@@ -83,7 +83,7 @@ class Found(NamedTuple):
     # WHOLE where it is level
     margins: NDArray[np.float64]
     places: NDArray[np.float64]
-    # shape (segments, 3): Lie derivative of each segment's event at its end and at its start; how far the segment's end
+    # shape (segments, 4): Lie derivative of each segment's event at its end and at its start; how far the segment's end
     # is from the next one's start, or from its event
     rates: NDArray[np.float64]
     x0: NDArray[np.float64]  # shape (n,): state at phase 0

@@ -200,8 +200,8 @@ class Survey:
     # function itself where either direction counts.
     margins: NDArray[np.float64]
     places: NDArray[np.float64]
-    # shape (segments, 3): Lie derivative of each segment's event at its end and start, and what is left of the
-    # segment's equations
+    # shape (segments, 4): Lie derivative of each segment's event at its end and start, what is left of the segment's
+    # equations, and the transition's condition at the end, 1 where there is none
     rates: NDArray[np.float64]
     # shape (states,): state at phase 0, or at the first segment's start where there is no phase
     x0: NDArray[np.float64]

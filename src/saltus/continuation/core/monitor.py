@@ -10,7 +10,8 @@ __all__ = ["BIFURCATIONS", "Monitor", "at_grazing", "bifurcates"]
 
 BIFURCATIONS = on_branches("orbit")  # types of special points at which smooth branches of orbits bifurcate
 
-_GRAZINGS = ("margin", "side", "duration", "rate")  # kinds that vanish at grazings
+# kinds that vanish at grazings and border collisions, where the signature of an orbit changes
+_CHANGES = ("margin", "side", "duration", "rate", "condition")
 
 
 class Monitor(NamedTuple):
@@ -24,8 +25,8 @@ class Monitor(NamedTuple):
 
     # the type of special point at its zeros, ``low`` or ``high`` for a bound, ``event`` for a user's event that asks
     # for a value. At a grazing ``margin`` (least distance of a segment from a surface) or ``side`` (distance of a
-    # segment that is equally far throughout). Also ``duration`` (of a segment that starts on its own event) or ``rate``
-    # (velocity at the event that ends a segment).
+    # segment that is equally far throughout). Also ``duration`` (of a segment), ``rate`` (velocity at the event that
+    # ends a segment) or ``condition`` (of the transition that ends a segment, at its end).
     kind: str
     # index of the segment; for a bound or TP of the parameter, for TR of the multiplier, for a user's event (EX among
     # them) of the event; -1 for none
@@ -44,5 +45,5 @@ def bifurcates(monitor: Monitor) -> bool:
 
 
 def at_grazing(monitor: Monitor) -> bool:
-    """Return whether a monitor function vanishes at grazings."""
-    return monitor.kind in _GRAZINGS
+    """Return whether a monitor function vanishes at grazings and border collisions, where the signature changes."""
+    return monitor.kind in _CHANGES

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-__all__ = ["POINT_TYPES", "PointType", "loci_through", "on_branches"]
+__all__ = ["CHANGES", "POINT_TYPES", "PointType", "loci_through", "on_branches"]
 
 _INK = "#1b1b1e"
 _RED = "#b8101f"  # red, green and purple are the paper's
@@ -28,6 +28,7 @@ class PointType:
     locus: str = ""  # of a type of codimension two the simplest locus through it; empty for others
     filled: bool = True
     size: float = 5.0  # of the marker
+    changes: bool = False  # whether the signature of an orbit changes there
 
 
 _ALL = ("orbit", "equilibrium", "map")
@@ -42,7 +43,11 @@ POINT_TYPES: Mapping[str, PointType] = MappingProxyType(
         "PD": PointType("period doubling (flip)", "period doubling", "o", _PURPLE, _BOTH, _BOTH, size=3.5),
         "TR": PointType("torus (Neimark-Sacker)", "torus", "D", "#0f5fa8", _BOTH, _BOTH, filled=False),
         "BP": PointType("branch point", "branch point", "s", "#000000", _ALL, _ORBIT),
-        "GR": PointType("grazing", "grazing", "o", _GREEN, _ORBIT, _ORBIT),
+        "GR": PointType("grazing", "grazing", "o", _GREEN, _ORBIT, _ORBIT, changes=True),
+        "CS": PointType("crossing-sliding", "crossing-sliding", "v", _GREEN, _ORBIT, _ORBIT, changes=True),
+        "GS": PointType("grazing-sliding", "grazing-sliding", "^", _GREEN, _ORBIT, _ORBIT, changes=True),
+        "SS": PointType("switching-sliding", "switching-sliding", "<", _GREEN, _ORBIT, _ORBIT, changes=True),
+        "AS": PointType("adding-sliding", "adding-sliding", ">", _GREEN, _ORBIT, _ORBIT, changes=True),
         "HB": PointType("Hopf", "Hopf point", "D", "#b35900", _REST, _REST),
         "HOM": PointType("homoclinic orbit", "homoclinic orbit", "*", _INK, size=7.0),
         "SNIC": PointType(
@@ -50,7 +55,7 @@ POINT_TYPES: Mapping[str, PointType] = MappingProxyType(
             filled=False, size=7.0,
         ),
         "BE": PointType("boundary equilibrium", "boundary equilibrium", "s", "#00798c", _REST, _REST, filled=False),
-        "BC": PointType("border collision", "border collision", "o", _GREEN, _MAP, _MAP),
+        "BC": PointType("border collision", "border collision", "s", _GREEN, _BOTH, _BOTH, changes=True),
         "CP": PointType("cusp", "cusp", "^", _INK, loci=_ALL, locus="SN", size=6.0),
         "GPD": PointType(
             "generalised period doubling", "generalised period doubling", "v", _INK, loci=_BOTH, locus="PD", size=6.0
@@ -71,6 +76,9 @@ POINT_TYPES: Mapping[str, PointType] = MappingProxyType(
         "EX": PointType("extremum", "extremum", "^", "#8a6d00", filled=False),
     }
 )  # fmt: skip
+
+# Types of special points at which the signature of an orbit changes.
+CHANGES = tuple(name for name, known in POINT_TYPES.items() if known.changes)
 
 
 def on_branches(kind: str) -> tuple[str, ...]:

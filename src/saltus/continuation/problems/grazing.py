@@ -1,4 +1,4 @@
-"""The neighbouring signature of an orbit at a grazing: segments inserted, removed, joined or moved to another mode.
+"""The neighbouring signature of an orbit where it changes: segments inserted, removed, joined or moved to another mode.
 
 docs/theory/continuation.md, "Change of signature at a grazing", says which signatures meet.
 """
@@ -20,7 +20,7 @@ from saltus.orbits.solve import settle_signature
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Neighbour", "neighbour", "sides_met", "touching", "turned"]
+__all__ = ["Neighbour", "neighbour", "sides_met", "touching", "turned", "type_of_change"]
 
 _NEAR = 1e-6  # relative difference, in sizes of states, events or the period, up to which two values are equal
 
@@ -37,7 +37,7 @@ class Neighbour:
 
 
 def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> Neighbour | str:
-    """Return the grazing orbit `u` in the neighbouring signature, or the reason why there is none.
+    """Return an orbit `u` on the border of its signature in the neighbouring one, or the reason why there is none.
 
     Parameters
     ----------
@@ -45,8 +45,8 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
         Equations of the signature in which the orbit was found.
     monitor : Monitor
         The monitor function that vanishes: a ``margin`` (a segment touches a surface), a ``side`` (a whole segment lies
-        on a surface), a ``rate`` (a segment's event is met without velocity), or a ``duration`` (a segment has no
-        length).
+        on a surface), a ``rate`` (a segment's event is met without velocity), a ``duration`` (a segment has no
+        length), or a ``condition`` (that of the transition at a segment's end runs out).
     u : ndarray, shape (size + 1,)
         Unknowns of the orbit, and the parameter.
     """
@@ -60,6 +60,9 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
         found = _change_modes(problem, blocks, u, monitor.transition)
     elif monitor.kind == "duration":
         found = _remove(problem, blocks, u, monitor.segment)
+    elif monitor.kind == "condition":
+        problem.survey(u)
+        found = _reroute(problem, blocks, monitor.segment)
     else:
         problem.survey(u)
         found = _merge(problem, blocks, u, monitor.segment)
@@ -68,7 +71,27 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
     signature, rows = found
     fresh = OrbitProblem(problem.system, signature, problem.parameters_at(u), tol=problem.tol)
     signature, turned = settle_signature(fresh, rows.ravel())
-    return Neighbour(signature, np.append(turned, u[problem.size :]))
+    beside = Neighbour(signature, np.append(turned, u[problem.size :]))
+    return _alike(problem, fresh, monitor, beside)
+
+
+def _alike(problem: OrbitProblem, old: OrbitProblem, monitor: Monitor, found: Neighbour) -> Neighbour | str:
+    """Return the neighbour in which all changes of one kind have happened, as both halves of a symmetric orbit change.
+
+    old: equations of the neighbour, parameters not active.
+    """
+    n, count = problem.n, len(found.signature)
+    if monitor.kind != "duration" or count < 2:
+        return found
+    durations = np.abs(found.u[n : count * (n + 1) : n + 1])
+    further = int(np.argmin(durations))
+    if not durations[further] < _NEAR * float(durations.sum()):
+        return found
+    active = OrbitProblem(
+        problem.system, found.signature, old.p, problem.active, problem.scales, problem.tol
+    )  # fmt: skip
+    active.start(found.u)
+    return neighbour(active, Monitor("duration", further), found.u)
 
 
 def turned(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
@@ -84,7 +107,7 @@ def _vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Mo
     count = problem.segments
     period = float(np.abs(blocks[:, problem.n]).sum())
     for j in (i, (i + 1) % count):
-        if problem.signature.kinds[j] == MEAN_END and abs(blocks[j, problem.n]) < _NEAR * period:
+        if count > 1 and abs(blocks[j, problem.n]) < _NEAR * period:
             return Monitor("duration", j)
     return Monitor("rate", i)
 
@@ -252,12 +275,12 @@ def _turns_back(problem: OrbitProblem, back: int, mode: int, x: NDArray[np.float
 
 
 def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
-    """Remove segment `i`, which has no length, and join its two neighbours."""
+    """Remove segment `i`, which has no length: its two neighbours are joined, or one leads to the other at once."""
     old = problem.signature
     count = len(old)
     previous, following = (i - 1) % count, (i + 1) % count
     if old.modes[previous] != old.modes[following]:
-        return "the modes on the two sides of the vanishing segment differ"
+        return _skip(problem, blocks, i)
     if count == 2:
         return _closed(problem, blocks[previous], u)
     joined = blocks[previous].copy()
@@ -267,6 +290,145 @@ def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
     kept = [row for j, row in enumerate(rows) if j not in (i, following)]
     return _gather(kept, old.turns)
 
+
+def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Found | str:
+    """Remove segment `i`, which has no length, with a transition that leads past it."""
+    old, n, names = problem.signature, problem.n, problem.system.mode_names
+    count = len(old)
+    previous, following = (i - 1) % count, (i + 1) % count
+    source, target = old.modes[previous], old.modes[following]
+    # the zero segment starts where the one before ends
+    met = np.ascontiguousarray(blocks[i, :n])
+    if problem.system.transitions[old.transitions[previous]].reset:
+        return f"the transition into {names[old.modes[i]]!r} moves the state"
+    past = _leading(problem, source, target, met, blocks[following, :n])
+    if not past:
+        return f"no transition leads from {names[source]!r} to {names[target]!r} there"
+    rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
+    rows[previous] = (source, past[0], blocks[previous])
+    del rows[i]
+    return _gather(rows, old.turns)
+
+
+def _reroute(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Found | str:
+    """Let segment `i`, the condition at whose end runs out, end with another transition at the same place.
+
+    Where this leads to another mode, a segment without length is inserted, from which the motion goes on as before.
+    """
+    old, n, names = problem.signature, problem.n, problem.system.mode_names
+    count, own = len(old), old.transitions[i]
+    following = (i + 1) % count
+    met, wanted = problem.state_on(i, 1.0), blocks[following, :n]
+    rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
+    for mode in range(len(names)):
+        for other in _leading(problem, old.modes[i], mode, met, None, besides=own):
+            landed = np.empty(n)
+            problem.system.compiled.call("reset", other, 0, met, problem.extended, landed)
+            if mode == old.modes[following]:
+                if _same_state(problem, landed, wanted):
+                    rows[i] = (old.modes[i], other, blocks[i])
+                    return _gather(rows, old.turns)
+                continue
+            for back in _leading(problem, mode, old.modes[following], landed, wanted):
+                inserted = (mode, back, np.append(landed, 0.0))
+                if problem.system.phase is not None:  # along an orbit the phase runs on
+                    inserted[2][n - 1] += 2.0 * math.pi * round((wanted[n - 1] - landed[n - 1]) / (2.0 * math.pi))
+                rows[i] = (old.modes[i], other, blocks[i])
+                return _gather([*rows[: i + 1], inserted, *rows[i + 1 :]], old.turns)
+    return f"the condition of {problem.system.transitions[own].name!r} runs out, and no other transition happens there"
+
+
+def _same_state(problem: OrbitProblem, x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
+    """Return whether two full states are equal; their phases may differ by whole turns."""
+    count = len(problem.system.states)
+    return bool(np.max(np.abs(x - y)[:count] / problem.state_scale[:count]) < _NEAR)
+
+
+def _leading(
+    problem: OrbitProblem, source: int, target: int, x: NDArray[np.float64], to: NDArray[np.float64] | None,
+    besides: int = -1,
+) -> list[int]:  # fmt: skip
+    """Return the transitions between two modes whose events vanish at the state x, and whose resets lead `to` a state."""
+    found, system, names = [], problem.system, problem.system.mode_names
+    x = np.ascontiguousarray(x)
+    for k, transition in enumerate(system.transitions):
+        if (transition.source, transition.target) == (names[source], names[target]) and k != besides:
+            after = np.empty(problem.n)
+            system.compiled.call("reset", k, 0, x, problem.extended, after)
+            if _meets(problem, k, x) and (to is None or _same_state(problem, after, to)):
+                found.append(k)
+    return found
+
+
+def _meets(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> bool:
+    """Return whether a full state lies on the surface of a transition."""
+    out = np.empty(2 + 2 * problem.n)
+    problem.system.compiled.call("event_x", transition, 0, x, problem.extended, out)
+    return bool(abs(out[0]) < _NEAR * float(np.abs(out[2 : 2 + problem.n]) @ problem.state_scale))
+
+
+def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], found: Neighbour | str) -> str:
+    """Return the type of the special point at which an orbit's signature changes.
+
+    A sliding segment that is born where a motion touches is a GS, between two motions across the surface a CS. A
+    segment off the surface that is born between sliding segments is an AS, beside one of them an SS. Where nothing
+    slides, a motion that touches grazes (GR), and all else is a BC.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        Equations of the signature in which the orbit was found.
+    monitor : Monitor
+        The monitor function that vanishes.
+    u : ndarray, shape (size + 1,)
+        Unknowns of the orbit, and the parameter.
+    found : Neighbour or str
+        What `neighbour` returns for it.
+
+    References
+    ----------
+    M. di Bernardo, C. J. Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008, ch. 8.
+    """
+    system = problem.system
+    touches = monitor.kind in ("margin", "rate", "side")
+    around = _born(problem, monitor, u, found)
+    if around is None:
+        return "GR" if touches else "BC"
+    born, before, after = (system.modes[system.mode_names[mode]].surface is not None for mode in around)
+    if born:
+        return "GS" if around[1] == around[2] else "CS" if not before and not after else "BC"
+    if before and after:
+        return "AS"
+    if before or after:
+        return "SS"
+    starts_on_its_event = monitor.kind == "duration" and problem.signature.kinds[monitor.segment] == MEAN_END
+    return "GR" if (touches or starts_on_its_event) and around[1] == around[2] else "BC"
+
+
+def _born(
+    problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], found: Neighbour | str
+) -> tuple[int, int, int] | None:
+    """Return the modes of the segment that is born or vanishes, of the one before and the one behind it."""
+    if monitor.kind == "margin":
+        target = problem.system.transitions[monitor.transition].target
+        mode = problem.signature.modes[monitor.segment]
+        return problem.system.mode_index(target), mode, mode
+    n, size = problem.n, problem.size
+    if monitor.kind == "condition":
+        if isinstance(found, str) or len(found.signature) <= len(problem.signature):
+            return None
+        modes = found.signature.modes
+        place = int(np.argmin(np.abs(found.u[n : len(modes) * (n + 1) : n + 1])))
+    else:
+        blocks, modes, place = u[:size].reshape(problem.segments, n + 1), problem.signature.modes, monitor.segment
+        if monitor.kind == "rate":
+            vanishing = _vanishing(problem, blocks, place)
+            if vanishing.kind == "rate":
+                return None
+            place = vanishing.segment
+        elif monitor.kind == "side":
+            return None
+    return modes[place], modes[place - 1], modes[(place + 1) % len(modes)]
 
 def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
     """Join segment `i` with the next one where its event is met without velocity and changes nothing."""

@@ -18,7 +18,7 @@ from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
-from saltus.continuation.problems.margins import grazing_monitors, shadowed_rates, side_of
+from saltus.continuation.problems.margins import grazing_monitors, shadowed, side_of, timed
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
@@ -35,7 +35,7 @@ from saltus.orbits.floquet import (
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import read_quantity
 from saltus.orbits.sensitivities import slope_along
-from saltus.orbits.signature import CUT_END, MEAN_END, Survey
+from saltus.orbits.signature import CUT_END, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -104,7 +104,7 @@ class OrbitZeroProblem:
         self._crossed: int | None = None  # equal multipliers that cross the unit circle at once in the last step
         self._adjust(u)
         kinds = problem.signature.kinds
-        self._durations = {Monitor("duration", i): i for i, kind in enumerate(kinds) if kind == MEAN_END}
+        self._durations = timed(problem.signature)
         self._simple: dict[Monitor, Callable[[Point], float]] = {
             _LOW: lambda point: _beyond(point.parameter - interest.low),
             _HIGH: lambda point: _beyond(point.parameter - interest.high),
@@ -306,10 +306,10 @@ class OrbitZeroProblem:
         return self._surveyed[name](self.problem.survey(point.u))
 
     def leading(self, names: list[Monitor]) -> list[Monitor]:
-        """Return the names without rates that vanish only since a neighbouring segment has no length."""
+        """Return the names without those that vanish only since a neighbouring segment has no length."""
         vanishing = [self._durations[name] for name in names if name in self._durations]
-        shadowed = shadowed_rates(vanishing, self.problem.segments)
-        return [name for name in names if name not in shadowed]
+        shadows = shadowed(vanishing, self.problem.segments)
+        return [name for name in names if name not in shadows]
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
         """Return the events without shadows of others, or the reason why the step is rejected.

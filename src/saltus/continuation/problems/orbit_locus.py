@@ -17,14 +17,14 @@ from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.problems.guards import residual_fault, unconfirmed
-from saltus.continuation.problems.margins import grazing_monitors, shadowed_rates, side_of
+from saltus.continuation.problems.margins import grazing_monitors, shadowed, side_of, timed
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.orbits.critical import Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_forms import flip_coefficient, null_vectors, torus_coefficient
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import DIRECTION, MEAN_END, TOUCH_END, Survey
+from saltus.orbits.signature import DIRECTION, TOUCH_END, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,12 +106,11 @@ class LocusZeroProblem:
         self._sizes: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
         self._surveyed = grazing_monitors(problem)
-        kinds = problem.signature.kinds
-        self._durations = {Monitor("duration", i): i for i, end in enumerate(kinds) if end == MEAN_END}
+        self._durations = timed(problem.signature)
         if isinstance(condition, Grazing):
             own = {_vanishing(condition)}
             if condition.kind == "duration":
-                own |= shadowed_rates([condition.segment], problem.segments)
+                own |= shadowed([condition.segment], problem.segments)
             elif condition.kind == "side":
                 own |= sides_met(problem, self.orbit(z))
             self._surveyed = {name: value for name, value in self._surveyed.items() if name not in own}
@@ -370,10 +369,10 @@ class LocusZeroProblem:
         return found, values
 
     def leading(self, names: list[Monitor]) -> list[Monitor]:
-        """Return the names without rates that vanish only since a neighbouring segment has no length."""
+        """Return the names without those that vanish only since a neighbouring segment has no length."""
         vanishing = [name.segment for name in names if name.kind == "duration"]
-        shadowed = shadowed_rates(vanishing, self.problem.segments)
-        return [name for name in names if name not in shadowed]
+        shadows = shadowed(vanishing, self.problem.segments)
+        return [name for name in names if name not in shadows]
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
         """Return the events without shadows of grazings, or the reason why the last step is rejected."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
+from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
@@ -24,7 +25,7 @@ from saltus.continuation.problems.ends.unbounded import (
     too_stiff,
     vanishes_at_last,
 )
-from saltus.continuation.problems.grazing import Neighbour, neighbour
+from saltus.continuation.problems.grazing import Neighbour, neighbour, type_of_change
 from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
@@ -259,24 +260,27 @@ class OrbitRun(OneParameterRun):
         """See `OneParameterRun.special`."""
         point = event.point
         name = "GR" if at_grazing(event.name) else type_of(event.name)
+        changes = name == "GR"
         if name == "BP" and (birth := self.halved(branch, point)) is not None:
             half.specials.append(self.found(name, branch, replace(event, point=birth), half))
             return self.ends(half, branch, birth, "the period halves")
-        if name != "GR":
+        if not changes:
             if name == "BP":
                 event = replace(event, point=self.sharpened(branch, point))
             half.specials.append(self.found(name, branch, event, half))
             return self.end_at(half, branch, event.point, name)
-        if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
+        if any(s.name in CHANGES and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
         if self._is_point(half, branch, point):
             point.examined = _as_before(point.examined, half.points[-1][1].examined.data)
             half.specials.append(self.found("BE", branch, event, half))
             return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
+        leaving = _leaving(branch, event)
+        found = neighbour(branch.problem, leaving, point.u)
+        name = type_of_change(branch.problem, leaving, point.u, found)
         if self.control.at_grazing == "pass":
             half.specials.append(self.found(name, branch, event, half))
             return self.end_at(half, branch, point, name)
-        found = neighbour(branch.problem, _leaving(branch, event), point.u)
         half.specials.append(self.found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.equations(found.signature, found.u)
@@ -284,10 +288,10 @@ class OrbitRun(OneParameterRun):
             half.specials[-1] = replace(half.specials[-1], solution=orbit)
         half.points.append((branch, point))
         if name in self.stops:
-            return f"{self.place(point)}: grazing"
+            return f"{self.place(point)}: {POINT_TYPES[name].meaning}"
         if isinstance(found, str):
-            return f"{self.place(point)}: grazing, {found}"
-        return self._switch(found, point)
+            return f"{self.place(point)}: {POINT_TYPES[name].meaning}, {found}"
+        return self._switch(found, point, POINT_TYPES[name].meaning)
 
     def _is_point(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> bool:
         """Return whether the autonomous cycle of a point is an equilibrium, by the sizes of the branch's cycles."""
@@ -315,7 +319,7 @@ class OrbitRun(OneParameterRun):
             tangent = np.append(tangent[: branch.problem.size], tangent[-1])
         return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)
 
-    def _switch(self, found: Neighbour, old: Point) -> str | Going:
+    def _switch(self, found: Neighbour, old: Point, what: str) -> str | Going:
         """Return equations, point and step to go on with in the neighbouring signature, or why no branch does.
 
         The point is a first admissible orbit beyond the grazing.
@@ -327,7 +331,7 @@ class OrbitRun(OneParameterRun):
         try:
             point = start_point(branch, found.u)
         except ValueError as error:
-            return f"{self.place(old)}: grazing, no branch goes on: {error}"
+            return f"{self.place(old)}: {what}, no branch goes on: {error}"
         point.arc = old.arc
         onward = math.copysign(1.0, float(old.tangent[-1]))
         for probe in (1e-5, 1e-6, 1e-4):
@@ -342,7 +346,7 @@ class OrbitRun(OneParameterRun):
                 if isinstance(item, Point) and _beyond_grazings(branch.problem, item):
                     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                     return branch, item, min(self.control.initial, 1e-3)
-        return f"{self.place(old)}: grazing, no admissible orbit beyond it"
+        return f"{self.place(old)}: {what}, no admissible orbit beyond it"
 
 
 def orbit_columns(joined: BothSides) -> dict[str, Any]:

@@ -68,7 +68,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         bad |= _followed(view, piece, curve, u, tolerances, room)
         add_moments(view, curve, begun, start, turns, room, found.moments)
         begun += piece.duration
-        bad |= _ended(view, piece, curve, u, (orbit.turns, orbit.angles), room, pointer(found.rates, 3 * i))
+        bad |= _ended(view, piece, curve, u, (orbit.turns, orbit.angles), room, pointer(found.rates, 4 * i))
         for k in range(view.transitions):
             found.margins[i * view.transitions + k] = np.inf
             found.places[i * view.transitions + k] = 0.5
@@ -203,7 +203,7 @@ def _ended(view, piece, curve, u, closing, room, rates):
     for e in range(n):
         turn = 2.0 * math.pi * turns if following == 0 and e == n - 1 else 0.0
         gap = max(gap, abs(x[e] - u[following + e] - turn))
-    rates[2] = gap
+    rates[2], rates[3] = gap, 1.0
     if transition >= 0:
         call(functions[EVENT], transition, 0, end, 0, p, one, 0)
         rates[0] = one[1]
@@ -217,6 +217,7 @@ def _ended(view, piece, curve, u, closing, room, rates):
         if piece.kind != TOUCH_END and view.directions[transition] * one[1] < -1e-9 * speed:
             bad |= DIRECTION
         call(functions[GUARD], view.modes + transition, 0, end, 0, p, one, 0)
+        rates[3] = one[0]
         if not one[0] > 0.0:
             bad |= WHEN
         call(functions[EVENT], transition, 0, curve.nodes, 0, p, one, 0)
