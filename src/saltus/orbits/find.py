@@ -18,8 +18,8 @@ from saltus.maps.solve import find_map_orbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.pieces import in_pieces
 from saltus.orbits.rounds import divided, rounds_of
-from saltus.orbits.settling import Stretch, event_log, follow, rest_of, sizes_of
-from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
+from saltus.orbits.settling import Stretch, cycle_of, event_log, follow, rest_of, sizes_of
+from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.solve import check_tol, converge
 from saltus.system import HybridSystem
 from saltus.system.angles import wrapped
@@ -261,25 +261,7 @@ def _read_forced(log: EventLog, wraps: NDArray[np.intp], turns: int) -> tuple[Si
         block = np.append(log.x_after[first], period)
         return Signature((int(log.mode_after[first]),), (-1,), (PHASE_END,), turns), block
     wound = 2.0 * math.pi * np.cumsum(log.transition[inside] == -1)[events - first - 1]
-    return _cycle(log, events, period, wound, turns)
-
-
-def _cycle(
-    log: EventLog, events: NDArray[np.intp], period: float, wound: NDArray[np.float64] | None, turns: int
-) -> tuple[Signature, NDArray[np.float64]]:
-    """Return signature and unknowns of segments that start after the given events."""
-    times = log.time[events]
-    durations = np.append(np.diff(times), times[0] + period - times[-1])
-    starts = log.x_after[events].copy()
-    if wound is not None:
-        starts[:, -1] += wound
-    signature = Signature(
-        tuple(log.mode_after[events].tolist()),
-        tuple(np.roll(log.transition[events], -1).tolist()),
-        (EVENT_END,) * len(events),
-        turns,
-    )
-    return signature, np.column_stack([starts, durations]).ravel()
+    return cycle_of(log, events, period, wound, turns)
 
 
 def _search_autonomous(
@@ -352,7 +334,7 @@ def _read_autonomous(
         return None
     events = np.arange(count - length, count)
     period = float(log.time[-1] - log.time[-1 - length])
-    return *_cycle(log, events, period, None, 0), gap
+    return *cycle_of(log, events, period, None, 0), gap
 
 
 def _returns(

@@ -12,6 +12,7 @@ from saltus.flow.event_logs import EventLog, event_log
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.observables import dense_states
 from saltus.flow.sizes import ATOL, EPSILON, MOST_KEPT, RTOL, STEPS_KEPT, Sizes, sizes_from
+from saltus.orbits.signature import EVENT_END, Signature
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["Stretch", "event_log", "follow", "rest_of", "sizes_of"]
+__all__ = ["Stretch", "cycle_of", "event_log", "follow", "rest_of", "sizes_of"]
 
 _SAMPLES = 8  # of a step
 _STILL = 1e-9  # change of a state over a stretch, relative to its size, that is none
@@ -135,3 +136,21 @@ def _jacobian(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Field and its derivative in the state."""
     return system.compiled.linearised(mode, x, system.compiled.extended(p))
+
+
+def cycle_of(
+    log: EventLog, events: NDArray[np.intp], period: float, wound: NDArray[np.float64] | None, turns: int
+) -> tuple[Signature, NDArray[np.float64]]:
+    """Return signature and unknowns of segments that start after the given events."""
+    times = log.time[events]
+    durations = np.append(np.diff(times), times[0] + period - times[-1])
+    starts = log.x_after[events].copy()
+    if wound is not None:
+        starts[:, -1] += wound
+    signature = Signature(
+        tuple(log.mode_after[events].tolist()),
+        tuple(np.roll(log.transition[events], -1).tolist()),
+        (EVENT_END,) * len(events),
+        turns,
+    )
+    return signature, np.column_stack([starts, durations]).ravel()

@@ -330,11 +330,8 @@ def _reroute(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Fou
                     return _gather(rows, old.turns)
                 continue
             for back in _leading(problem, mode, old.modes[following], landed, wanted):
-                inserted = (mode, back, np.append(landed, 0.0))
-                if problem.system.phase is not None:  # along an orbit the phase runs on
-                    inserted[2][n - 1] += 2.0 * math.pi * round((wanted[n - 1] - landed[n - 1]) / (2.0 * math.pi))
                 rows[i] = (old.modes[i], other, blocks[i])
-                return _gather([*rows[: i + 1], inserted, *rows[i + 1 :]], old.turns)
+                return _gather([*rows[: i + 1], (mode, back, np.append(landed, 0.0)), *rows[i + 1 :]], old.turns)
     return f"the condition of {problem.system.transitions[own].name!r} runs out, and no other transition happens there"
 
 

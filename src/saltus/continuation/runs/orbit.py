@@ -12,6 +12,7 @@ from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
+from saltus.continuation.problems.beside import seen_beside
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
 from saltus.continuation.problems.ends.shrinking import equilibrium_ahead
@@ -54,6 +55,8 @@ __all__ = ["OrbitRun", "orbit_columns"]
 _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
 _SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to which it is an equilibrium
 _TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the grazing of another one
+_PROBES = (1e-7, 1e-6, 1e-5, 1e-4)  # shares of the parameter's interval at which an orbit beyond a point is sought
+_ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
@@ -289,9 +292,36 @@ class OrbitRun(OneParameterRun):
         half.points.append((branch, point))
         if name in self.stops:
             return f"{self.place(point)}: {POINT_TYPES[name].meaning}"
-        if isinstance(found, str):
-            return f"{self.place(point)}: {POINT_TYPES[name].meaning}, {found}"
-        return self._switch(found, point, POINT_TYPES[name].meaning)
+        what = POINT_TYPES[name].meaning
+        went = f"{self.place(point)}: {what}, {found}" if isinstance(found, str) else self._switch(found, point, what)
+        if isinstance(went, str) and name != "GR":
+            return self._seen(branch, point) or went
+        return went
+
+    def _seen(self, branch: OrbitZeroProblem, old: Point) -> Going | None:
+        """Return equations, point and step to go on with beyond a point, by the motion there; None where it shows none.
+
+        Next to an AS the branch has a vertical tangent in the duration that vanishes, so no step begins at the point.
+        """
+        onward = math.copysign(1.0, float(old.tangent[-1]))
+        wide = self.interest.high - self.interest.low
+        for probe in _PROBES:
+            for sign in (onward, -onward):
+                beside = seen_beside(branch.problem, old.u, sign * probe * wide)
+                if beside is None or beside.signature == branch.problem.signature.whole:
+                    continue
+                fresh = self.equations(beside.signature, beside.u)
+                try:
+                    point = start_point(fresh, beside.u, sign)
+                except ValueError:
+                    continue
+                point.examined = fresh.examine(point, None)
+                count = len(fresh.problem.system.states)
+                apart = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
+                if np.max(apart) < _ALIKE and _beyond_grazings(fresh.problem, point):
+                    point.arc = old.arc + probe
+                    return fresh, point, min(self.control.initial, 1e-3)
+        return None
 
     def _is_point(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> bool:
         """Return whether the autonomous cycle of a point is an equilibrium, by the sizes of the branch's cycles."""
@@ -376,6 +406,12 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
 _INADMISSIBLE = Survey(
     1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3))
 )
+
+
+def _ranges(point: Point, count: int) -> NDArray[np.float64]:
+    """Return the extremes of the `count` states of a point's orbit, shape (2, count)."""
+    survey: Survey = point.examined.data.survey
+    return np.stack([survey.lows[:count], survey.highs[:count]])
 
 
 def _leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
