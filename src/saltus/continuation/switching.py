@@ -12,8 +12,10 @@ import numpy as np
 from saltus import checks
 from saltus.continuation.core.interest import Interest
 from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.core.zero_problem import correct
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
+from saltus.continuation.problems.margins import run_out, timed
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.births import cycle_born, equilibrium_of_cycle, other_equilibria
@@ -28,7 +30,16 @@ from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import RESTING
-from saltus.orbits.signature import CLOSED_END, CUT_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, Signature
+from saltus.orbits.signature import (
+    CLOSED_END,
+    CUT_END,
+    DIRECTION,
+    DURATION,
+    PHASE_END,
+    WHEN,
+    WHOLE,
+    Signature,
+)
 from saltus.orbits.soundness import sound_orbit
 from saltus.solution import Solution
 
@@ -153,7 +164,7 @@ def _(solution: PeriodicOrbit, point: SpecialPoint[Any]) -> list[Any]:
     if point.type == "HB":
         return [equilibrium_of_cycle(solution)]
     check_along_parameter("point", point)
-    if point.type == "GR":
+    if point.type in CHANGES:
         _, *others = grazing_orbits(point)
         if not others:
             raise ConvergenceError("neighbouring signature", 0.0, 0, "none has the grazing orbit as well")
@@ -335,7 +346,7 @@ def grazing_orbits(point: SpecialPoint) -> list[PeriodicOrbit]:
     Parameters
     ----------
     point : SpecialPoint
-        A GR of a branch or of a locus.
+        A GR of a branch or of a locus, or another type at which the signature changes.
 
     Returns
     -------
@@ -359,14 +370,14 @@ def grazing_orbits(point: SpecialPoint) -> list[PeriodicOrbit]:
     >>> [orbit.signature for orbit in grazing_orbits(branch["GR1"])]
     [(('free', 's'),), (('free', 'impact'),)]
     """
-    if checks.instance("point", point, SpecialPoint).type != "GR":
-        raise InputError("point", point.type, "of type GR", "only there signatures meet")
+    if checks.instance("point", point, SpecialPoint).type not in CHANGES:
+        raise InputError("point", point.type, f"of type {', '.join(CHANGES)}", "only there signatures meet")
     orbit = point.orbit
     problem, u = orbit.problem(), orbit.unknowns
     found, period = [orbit], orbit.period
     survey = problem.survey(u)
-    touching = [Monitor("duration", i) for i, kind in enumerate(orbit.form.kinds)
-                if kind == MEAN_END and abs(orbit.durations[i]) < _TOUCHING * period]  # fmt: skip
+    touching = [name for name, i in timed(orbit.form).items() if abs(orbit.durations[i]) < _TOUCHING * period]
+    touching += [] if touching else run_out(problem, u, survey)
     heights = np.ptp(np.stack([survey.lows, survey.highs]), axis=0)
     size = float(heights[: len(orbit.system.states)].max())
     touching += [
@@ -384,5 +395,5 @@ def grazing_orbits(point: SpecialPoint) -> list[PeriodicOrbit]:
             other.start(beside.u)
             again = orbit_at(other, beside.u, other.resolve(beside.u)[1])
             # where a duration or a velocity vanishes, its sign is rounding
-            found.append(replace(again, faults=again.faults & ~(DURATION | DIRECTION)))
+            found.append(replace(again, faults=again.faults & ~(DURATION | DIRECTION | WHEN)))
     return found

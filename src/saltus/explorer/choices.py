@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from saltus.continuation.core.point_types import CHANGES
 from saltus.explorer.solutions import traits_of
 from saltus.explorer.steps import Place, taken
 
@@ -15,12 +16,12 @@ __all__ = ["Choices", "choices_at"]
 
 # What is followed after a change of branch at a special point, by what the branch is of and by the point's type.
 _SWITCHED: Mapping[str, Mapping[str, str]] = {
-    "orbit": {"PD": "orbit", "BP": "orbit", "GR": "orbit", "HB": "equilibrium"},
+    "orbit": {"PD": "orbit", "BP": "orbit", **dict.fromkeys(CHANGES, "orbit"), "HB": "equilibrium"},
     "equilibrium": {"HB": "orbit", "BP": "equilibrium"},
 }
 # Types of which a locus can be followed.
 _FOLLOWED: Mapping[str, tuple[str, ...]] = {
-    "orbit": ("SN", "PD", "TR", "BP", "GR"),
+    "orbit": ("SN", "PD", "TR", "BP", *CHANGES),
     "equilibrium": ("SN", "HB", "BE"),
 }
 
@@ -66,4 +67,4 @@ def choices_at(place: Place | None, results: Mapping[str, Any], films: Callable[
         return Choices(what, resume=True, film=film)
     kind = result[place.label].type
     switch, follow = _SWITCHED[what].get(kind, ""), kind in _FOLLOWED[what]
-    return Choices(what, kind != "GR", switch, follow, what == "orbit" and kind == "PD", film)
+    return Choices(what, kind not in CHANGES, switch, follow, what == "orbit" and kind == "PD", film)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.results.sheets import MOVING, Sheet
 from saltus.errors import InputError
 from saltus.fitting.measured import Measured, MeasuredPoint
@@ -121,9 +122,9 @@ def point_near(point: MeasuredPoint, sheets: Sequence[Sheet], branches: Sequence
     branches : sequence of Branch
         Their branches, for points on no end of a sheet.
     """
-    if point.direction and point.type != "GR":
+    if point.direction and point.type not in CHANGES:
         ends = [sheet.ends[point.direction == UP] for sheet in sheets]
-        found = [end for end in ends if end is not None and end.type != "GR"]
+        found = [end for end in ends if end is not None and end.type not in CHANGES]
     else:
         found = [one for branch in branches for one in branch.special_points.of_type(point.type)]
     return min(found, key=lambda one: abs(one.value(one.varied[0]) - point.value), default=None)

@@ -56,6 +56,8 @@ def landings_beyond(
         landed = events[events["mode_after"] == transition.source]
         if not landed.size or transition.direction == 0 or transition.target == transition.source:
             continue
+        if system.at_phases(transition):
+            continue
         values, there = _beyond(system, parameters, transition, landed["after"], sizes)
         moved = landed["mode_before"] != transition.source
         there &= moved | ~_beyond(system, parameters, transition, landed["before"], sizes)[1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +29,6 @@ _MOST = np.iinfo(np.int64).max  # a count that is never reached
 _WATCHED = 2048  # steps tried between two looks at whether a motion sticks
 _HUGE = 1e250  # value beyond which an event function is not finite: sums of some of its values overflow
 _LOOKS = 3  # looks in a row at which a motion that sticks is held
-_NAME = re.compile(r"[^\W\d]\w*")  # a name in an expression
 
 
 class EventDrivenMotion:
@@ -146,7 +144,7 @@ class EventDrivenMotion:
                 continue
             if transition.target == source and not transition.reset:
                 side[k] = self.kernels.PASSES
-            elif _is_of_phase(self.system, k):
+            elif self.system.at_phases(transition):
                 out, near = np.empty(2), self.kernels.AT_WRAP
                 self.system.compiled.call("event", k, 0, self.x, self.p, out)
                 side[k] = -np.sign(out[1])
@@ -296,20 +294,13 @@ class EventDrivenMotion:
         return DivergenceError(t, self.x, mode, reason)
 
 
-def _is_of_phase(system: HybridSystem, transition: int) -> bool:
-    """Whether an event function knows the phase alone, and no state."""
-    if system.phase is None:
-        return False
-    return not set(system.states) & set(_NAME.findall(system.transitions[transition].event))
-
-
 def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
     """Return whether an event of the phase alone happens at phase 0, as far as the strobe resolves it."""
     from saltus.flow.kernels.state import AT_WRAP
 
     out, extended = np.empty(2), system.compiled.extended(p)
     for k, transition in enumerate(system.transitions):
-        if _is_of_phase(system, k):
+        if system.at_phases(transition):
             x = np.zeros(len(system.all_states))
             rate = float(system.compiled.field(system.mode_index(transition.source), x, p)[-1])
             system.compiled.call("event", k, 0, x, extended, out)
@@ -421,6 +412,8 @@ def passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDA
     extended = compiled.extended(p)
     for k, transition in enumerate(system.transitions):
         if system.mode_names.index(transition.source) != mode or transition.target == transition.source:
+            continue
+        if system.at_phases(transition):  # it comes again
             continue
         compiled.call("event", k, 0, x, extended, event)
         side = event[0] if event[0] != 0.0 else event[1]

@@ -21,19 +21,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits.records import events_of
-from saltus.orbits.signature import MEAN_END, SECTION, WHOLE
+from saltus.orbits.signature import EVENT_END, MEAN_END, SECTION, WHOLE, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.orbits.problem import OrbitProblem
-    from saltus.orbits.signature import Survey
+    from saltus.orbits.signature import EVENT_END, MEAN_END, SECTION, WHOLE, Survey
 
 __all__ = [
     "TOUCHING", "Branching", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
     "solve_branch_point", "touched", "vanishing_segment",
 ]  # fmt: skip
 
+_DIFFERENCE = 2e-5  # change of an unknown, over its size, in differences of a condition
 TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration, over the period, that is a grazing
 
 _ITERATIONS = 12  # Newton steps to a branch point, at most
@@ -268,13 +269,16 @@ class Branching:
 
 
 class Grazing:
-    """A grazing: a segment without length, one that lies on a surface as a whole, or an event met without velocity.
+    """An orbit on the border of its signature.
+
+    A segment has no length or lies on a surface as a whole, an event is met without velocity, or the condition of a
+    transition runs out.
 
     Parameters
     ----------
     problem : OrbitProblem
         The equations.
-    kind : {"duration", "side", "rate"}
+    kind : {"duration", "side", "rate", "condition", "ahead"}
         The quantity that vanishes.
     segment : int
         Index of its segment.
@@ -297,9 +301,31 @@ class Grazing:
             gradient[self.place] = 1.0
         elif self.kind == "side":
             value, gradient = self.problem.distance(u, self.segment, self.transition)
+        elif self.kind in ("condition", "ahead"):
+            value, gradient = self._condition(u), self._slopes(u)
         else:
             value, gradient = self.problem.rate(u, self.segment)
         return np.array([value]), gradient[None, :], np.empty((1, 0))
+
+    def _condition(self, u: NDArray[np.float64]) -> float:
+        survey = self.problem.survey(u)
+        if self.kind == "condition":
+            return float(survey.rates[self.segment, 3])
+        return float(survey.ahead[self.segment, self.transition])
+
+    def _slopes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return central differences of the condition, whose derivatives are not compiled."""
+        problem, count = self.problem, u.size - len(self.problem.active)
+        period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
+        sizes = np.tile(np.append(problem.state_scale, period), problem.segments)
+        steps = _DIFFERENCE * np.append(sizes, np.ones(u.size - count))
+        gradient = np.empty(u.size)
+        for k, step in enumerate(steps.tolist()):
+            there = np.zeros(u.size)
+            there[k] = step
+            gradient[k] = (self._condition(u + there) - self._condition(u - there)) / (2.0 * step)
+        problem.set_parameters(u)
+        return gradient
 
     def left(self, survey: Survey) -> bool:
         """Whether an orbit that was on a surface as a whole has left it."""
@@ -352,8 +378,8 @@ def vanishing_segment(problem: OrbitProblem, u: NDArray[np.float64], survey: Sur
     """Return kind and segment of the first vanishing duration, or else rate; None where none vanishes."""
     durations = np.abs(u[problem.n : problem.size : problem.n + 1])
     period = float(durations.sum())
-    for i, kind in enumerate(problem.signature.kinds):
-        if kind == MEAN_END and durations[i] < TOUCHING * period:
+    for i, kind in enumerate(problem.signature.kinds if problem.segments > 1 else ()):
+        if kind in (EVENT_END, MEAN_END) and durations[i] < TOUCHING * period:
             return "duration", i
     for i, transition in enumerate(problem.signature.transitions):
         if transition >= 0:

@@ -221,6 +221,19 @@ class OrbitProblem:
         self.system.compiled.call("event_x", transition, 0, np.ascontiguousarray(x), self.extended, gradient)
         return float(np.abs(gradient[2 : 2 + self.n]) @ self.state_scale)
 
+    def condition_size(self, transition: int, x: NDArray[np.float64]) -> float:
+        """Return how much the condition of a transition varies near a full state with the states' sizes."""
+        here, there = np.empty(1), np.empty(1)
+        place, compiled = len(self.system.modes) + transition, self.system.compiled
+        compiled.call("guard", place, 0, np.ascontiguousarray(x), self.extended, here)
+        total = 0.0
+        for k, size in enumerate((_STEP * self.state_scale).tolist()):
+            moved = x.copy()
+            moved[k] += size
+            compiled.call("guard", place, 0, moved, self.extended, there)
+            total += abs(float(there[0] - here[0]))
+        return total / _STEP
+
     def flow_at_start(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vector field where the first segment starts, shape (n,)."""
         self.set_parameters(u)
@@ -402,7 +415,8 @@ class OrbitProblem:
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
         lows, highs, moments = np.empty(quantities), np.empty(quantities), np.empty((quantities, 3))
         margins, places = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
-        found = lows, highs, margins, places, np.zeros((self.segments, 4)), np.empty(self.n), moments
+        ahead = np.empty((self.segments, transitions))
+        found = lows, highs, margins, places, np.zeros((self.segments, 4)), ahead, np.empty(self.n), moments
         faults = self._surveys.survey(
             self.record, self._events, self.mesh, self._dense, (self.tol, self._atol), self.state_scale, u, found
         )

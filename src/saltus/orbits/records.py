@@ -86,6 +86,9 @@ class Found(NamedTuple):
     # shape (segments, 4): Lie derivative of each segment's event at its end and at its start; how far the segment's end
     # is from the next one's start, or from its event
     rates: NDArray[np.float64]
+    # shape (segments, transitions): how far each segment's end is from the surface of each event that comes nearer
+    # there, if its condition holds; NaN for others, and for those in either direction
+    ahead: NDArray[np.float64]
     x0: NDArray[np.float64]  # shape (n,): state at phase 0
     # shape (n + outputs, 3): means of every state and output, and of their products with cosine and sine of the angle
     moments: NDArray[np.float64]
@@ -138,7 +141,9 @@ def events_of(system: HybridSystem) -> Events:
     return Events(
         sources=np.array([system.mode_index(t.source) for t in system.transitions], dtype=np.int64),
         directions=np.array([t.direction for t in system.transitions], dtype=np.int64),
-        surfaces=np.array([_surface(t) for t in system.transitions], dtype=np.int64),
+        surfaces=np.array(
+            [SECTION if system.at_phases(t) else _surface(t) for t in system.transitions], dtype=np.int64
+        ),
         modes=len(system.modes),
         outputs=system.compiled.n_outputs,
         phase=system.phase is not None,

@@ -203,6 +203,10 @@ class Survey:
     # shape (segments, 4): Lie derivative of each segment's event at its end and start, what is left of the segment's
     # equations, and the transition's condition at the end, 1 where there is none
     rates: NDArray[np.float64]
+    # shape (segments, transitions): how far each segment's end is from the surface of each event of its mode, positive
+    # before the event. NaN for other events, for those in either direction, that do not come nearer there, or whose
+    # condition does not hold there
+    ahead: NDArray[np.float64]
     # shape (states,): state at phase 0, or at the first segment's start where there is no phase
     x0: NDArray[np.float64]
     # shape (states + outputs, 3): means over the period, and of the products with cosine and sine of the angle, which

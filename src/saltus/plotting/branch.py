@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.parameters import OneParameter
 from saltus.continuation.results.special_points import SpecialPoint
@@ -34,7 +35,7 @@ __all__ = [
 ]
 
 _SPLITS = ("SN", "PD", "TR", "BP", "HB")  # special points at which stability may change
-_MEETINGS = ("GR", "BE", "BC")  # special points at which the equations change
+_MEETINGS = (*CHANGES, "BE")  # special points at which the equations change
 _GAP = "gap"  # the kind of an interval without length that is not drawn: a state leaps there
 _NEAREST = 1e-9  # relative distance up to which a point of the branch is the grazing point next to it
 _VERTICES = 4000  # vertices of a branch, about

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.parameters import OneParameter, TwoParameters
 from saltus.continuation.results.special_points import SpecialPoint
@@ -127,7 +128,7 @@ def _kind(locus: TwoParameters[Any], index: int) -> str:
     """Return the kind of a point; a GR locus, whose multipliers are infinite, counts as stable."""
     if not locus.sound[index]:
         return locus.fault
-    return "stable" if locus.stable[index] or locus.type == "GR" else "unstable"
+    return "stable" if locus.stable[index] or locus.type in CHANGES else "unstable"
 
 
 def _kinds_between(nodes: list[str]) -> list[str]:

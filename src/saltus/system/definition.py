@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import DefinitionError, InputError, nearest
-from saltus.system.expressions import Names, check_name, text_of
+from saltus.system.expressions import NAME, Names, check_name, text_of
 from saltus.system.grammar import chosen_among, clipped
 from saltus.system.parts import (
     Mode,
@@ -20,7 +20,7 @@ from saltus.system.parts import (
     clean_bounds,
     clean_mode,
     clean_phase,
-    clean_transition,
+    clean_transitions,
     interval_text,
     kept_data,
     mapping_of,
@@ -79,7 +79,10 @@ class Definition:
         names = Names((*self.all_states, *self.parameters)).with_let(let)
         self.modes = self._clean_modes(modes, names)
         listed = sequence_of(transitions, "transitions", "of Transition")
-        self.transitions = tuple(clean_transition(transition, names) for transition in listed)
+        clock = None if self.phase is None else self.phase[0]
+        self.transitions = tuple(
+            clean for transition in listed for clean in clean_transitions(transition, names, clock)
+        )  # fmt: skip
         self.outputs = self._clean_outputs(mapping_of(outputs, "outputs", "of names to expressions"), names)
         groups = mapping_of(groups, "groups", "of names to sequences of parameters")
         self.groups = {
@@ -334,6 +337,12 @@ class Definition:
         """
         return self.mode_names.index(checks.chosen(self.part, mode, self.modes))
 
+    def at_phases(self, transition: Transition) -> bool:
+        """Return whether an event function knows the phase alone, and no state: the event comes again and again."""
+        if self.phase is None:
+            return False
+        return not set(self.states) & set(NAME.findall(transition.event))
+
     def _clean_outputs(self, outputs: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, str]]:
         clean: dict[str, dict[str, str]] = {}
         for key, value in outputs.items():
@@ -349,7 +358,9 @@ class Definition:
     def _equations(self) -> Iterator[tuple[str, str]]:
         """The expressions that must be smooth, each with where it stands."""
         for key, mode in self.modes.items():
-            yield from ((f"{self.part} {key!r}", text) for text in (*mode.field.values(), mode.domain, mode.surface) if text)
+            yield from (
+                (f"{self.part} {key!r}", text) for text in (*mode.field.values(), mode.domain, mode.surface) if text
+            )
         for t in self.transitions:
             yield from ((f"transition {t.name!r}", text) for text in (t.event, *t.reset.values(), t.when) if text)
         for key, texts in self.conditions.items():

@@ -19,11 +19,11 @@ from saltus.system.grammar import CHARACTERS, FUNCTIONS, chain, clipped, syntax_
 if TYPE_CHECKING:
     import sympy
 
-__all__ = ["Names", "check_name", "parse", "text_of"]
+__all__ = ["NAME", "Names", "check_name", "parse", "text_of"]
 
 _EXPONENT = 1000  # largest exponent of what varies
 _DIGITS = 30_000  # most digits of an exact power of two whole numbers
-_NAME = re.compile(r"(?<![\w.])[^\W\d]\w*")  # a name in a text, not the exponent of a number
+NAME = re.compile(r"(?<![\w.])[^\W\d]\w*")  # a name in a text, not the exponent of a number
 _DERIVATIVES = 200_000  # most operations that the first derivatives of an expression may have, by a bound from above
 
 
@@ -87,7 +87,7 @@ class Names(tuple[str, ...]):
         let = getattr(self, "let", {})
         if not let:
             return text
-        full = _NAME.sub(lambda found: let.get(_normal(found[0]), found[0]), text)
+        full = NAME.sub(lambda found: let.get(_normal(found[0]), found[0]), text)
         if len(full) > CHARACTERS:
             allowed = f"an expression of at most {CHARACTERS} characters, sub-expressions written out"
             raise DefinitionError(where, clipped(text), allowed, f"it has {len(full)}")

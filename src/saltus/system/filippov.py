@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import DefinitionError, nearest
-from saltus.system.expressions import Names, check_name, parse, text_of
+from saltus.system.expressions import Names, parse, text_of
 from saltus.system.hybrid import HybridSystem
-from saltus.system.parts import Mode, Transition, clean_phase, mapping_of, names_of, number_of, sequence_of
+from saltus.system.parts import Mode, Transition, clean_phase, mapping_of, names_of, sequence_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

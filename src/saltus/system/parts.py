@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -20,7 +20,7 @@ __all__ = [
     "clean_bounds",
     "clean_mode",
     "clean_phase",
-    "clean_transition",
+    "clean_transitions",
     "interval_text",
     "kept_data",
     "listed",
@@ -34,6 +34,7 @@ __all__ = [
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
+_NOTHING = 1e-300  # value of a condition up to which it is not positive, where there is an `otherwise`
 _DIRECTIONS = {-1: "falls", 0: "passes", 1: "rises"}
 
 
@@ -77,7 +78,7 @@ class Transition:
     source, target : str
         Modes.
     event : expression
-        Function of state, phase and parameters whose zero is the event.
+        Function of state, phase and parameters whose zero is the event. It is left out where `at_phase` is given.
     direction : {-1, 0, 1}
         The event counts when its function falls through zero (-1), rises (1), or both (0).
     reset : mapping of str to expression, optional
@@ -86,20 +87,29 @@ class Transition:
         Must be positive at the crossing for the transition to happen.
     name : str, optional
         By default ``source_to_target``.
+    at_phase : expression of parameters, optional
+        The phase, in radians, at which the event happens once a period, in place of `event` and `direction`.
+    otherwise : str, optional
+        The mode to which the event leads where `when` is not positive. The definition has a second transition for it,
+        ``source_to_otherwise``, or the name with ``_otherwise`` behind it.
 
     Examples
     --------
+    >>> Transition("off", "on", at_phase=0)
+    Transition('off_to_on': off -> on at phase 0)
     >>> Transition("flight", "flight", event="z", direction=-1, reset={"v": "-e*v"}, name="impact")
     Transition('impact': flight -> flight when z falls through 0, v := -e*v)
     """
 
     source: str
     target: str
-    event: Any
+    event: Any = None
     direction: int = 0
     reset: Mapping[str, Any] = field(default_factory=dict)
     when: Any = None
     name: str = ""
+    at_phase: Any = None
+    otherwise: str | None = None
 
     def __post_init__(self) -> None:
         if all(isinstance(name, str) for name in (self.name, self.source, self.target)) and not self.name:
@@ -111,9 +121,11 @@ class Transition:
     def _sentence(self) -> str:
         passes = _DIRECTIONS.get(self.direction) if isinstance(self.direction, int) else None
         passes = passes or f"passes, in direction {self.direction!r},"
-        text = f"{self.source} -> {self.target} when {self.event} {passes} through 0"
+        happens = f"when {self.event} {passes} through 0" if self.at_phase is None else f"at phase {self.at_phase}"
+        text = f"{self.source} -> {self.target} {happens}"
         if self.when is not None:
             text += f" and {self.when} > 0"
+            text += f", otherwise -> {self.otherwise}" if self.otherwise is not None else ""
         return text + (listed(self.reset, ", {} := {}") if isinstance(self.reset, Mapping) else f", {self.reset!r}")
 
 
@@ -199,13 +211,36 @@ def clean_mode(key: str, mode: Mode, names: tuple[str, ...], part: str = "mode")
     if not isinstance(mode.field, Mapping):
         raise DefinitionError(where, mode.field, "a mapping of each state to its rate as the field")
     field_ = {name: text_of(rate, where, names) for name, rate in mode.field.items()}
-    domain, surface = (
-        None if part is None else text_of(part, where, names) for part in (mode.domain, mode.surface)
-    )
+    domain, surface = (None if part is None else text_of(part, where, names) for part in (mode.domain, mode.surface))
     return Mode(field_, domain, surface)
 
 
-def clean_transition(transition: Transition, names: tuple[str, ...]) -> Transition:
+def clean_transitions(transition: Transition, names: Names, phase: str | None) -> list[Transition]:
+    """Return a transition, and that of its `otherwise`, with events and expressions that are texts."""
+    clean = _clean_transition(transition, names, phase)
+    if transition.otherwise is None:
+        return [clean]
+    where = f"transition {clean.name!r}"
+    if clean.when is None:
+        raise DefinitionError(where, transition.otherwise, "left out without a condition: pass when=")
+    named = transition.name != f"{transition.source}_to_{transition.target}"
+    name = f"{clean.name}_otherwise" if named else f"{clean.source}_to_{transition.otherwise}"
+    # exactly 0 is otherwise, too
+    when = f"{_NOTHING} - ({clean.when})"
+    return [clean, replace(clean, target=transition.otherwise, when=when, name=name)]
+
+
+def _at_phase(transition: Transition, names: Names, phase: str | None, where: str) -> tuple[Any, int]:
+    """Return event function and direction of a transition at a phase."""
+    if transition.event is not None or transition.direction != 0:
+        raise DefinitionError(where, transition.event, "left out beside at_phase=, with the direction")
+    if phase is None:
+        raise DefinitionError(where, transition.at_phase, "left out of a system without a phase")
+    at = text_of(transition.at_phase, where, names)
+    return (f"sin({phase} - ({at}))" if at != "0" else f"sin({phase})"), 1
+
+
+def _clean_transition(transition: Transition, names: Names, phase: str | None) -> Transition:
     """Return a transition whose expressions are texts that can be read."""
     if not isinstance(transition, Transition):
         raise DefinitionError("transitions", transition, "a sequence of Transition")
@@ -216,11 +251,14 @@ def clean_transition(transition: Transition, names: tuple[str, ...]) -> Transiti
         raise DefinitionError(where, transition.reset, "a mapping of states to new values as its reset")
     if not isinstance(transition.direction, int | float | np.integer) or transition.direction not in _DIRECTIONS:
         raise DefinitionError(where, transition.direction, "-1 (falling), 0 (either) or 1 (rising) as its direction")
+    event, direction = transition.event, int(transition.direction)
+    if transition.at_phase is not None:
+        event, direction = _at_phase(transition, names, phase, where)
     return Transition(
         transition.source,
         transition.target,
-        text_of(transition.event, where, names),
-        int(transition.direction),
+        text_of(event, where, names),
+        direction,
         {name: text_of(value, where, names) for name, value in transition.reset.items()},
         None if transition.when is None else text_of(transition.when, where, names),
         transition.name,

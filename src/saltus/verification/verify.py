@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.equilibria import Equilibrium
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["verify"]
 
-_AT_SURFACES = ("GR", "BE", "BC")  # types at which the number of unstable directions may jump
+_AT_SURFACES = (*CHANGES, "BE")  # types at which the number of unstable directions may jump
 _STEPS = {"SN": 1, "BP": 1, "PD": 1, "HB": 2, "TR": 2}  # unstable directions that one passes
 
 

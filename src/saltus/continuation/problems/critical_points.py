@@ -14,7 +14,9 @@ import numpy as np
 
 from saltus.algebraic.conditions import Singular, Vanishing
 from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.problems.grazing import Neighbour, neighbour, touching
+from saltus.continuation.problems.margins import run_out
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.critical import Hopf
 from saltus.errors import InputError
@@ -40,7 +42,7 @@ _CRITICAL = 1e-3  # distance of a start from its critical condition up to which 
 class CriticalOrbit:
     """A critical orbit with some parameters active."""
 
-    kind: str  # ``SN``, ``PD``, ``TR``, ``BP`` or ``GR``
+    kind: str  # ``SN``, ``PD``, ``TR``, ``BP``, or a type at which the signature changes
     orbit: PeriodicOrbit
     names: tuple[str, ...]  # the active parameters, in the system's order
     # scales, values: shape (active,): their units, and their values in these
@@ -59,7 +61,7 @@ class CriticalOrbit:
         InputError
             The orbit is not critical.
         """
-        if self.kind == "GR":
+        if self.kind in CHANGES:
             problem, u, condition = self._grazing()
             return problem, u, condition, np.empty(0)
         problem, u = self.problem(self.orbit.form, self.orbit.unknowns)
@@ -125,9 +127,15 @@ class CriticalOrbit:
     def _grazing(self) -> tuple[OrbitProblem, NDArray[np.float64], Grazing]:
         """Return the grazing orbit in the larger signature, its unknowns, and the condition that vanishes."""
         problem, u = self.problem(self.orbit.form, self.orbit.unknowns)
-        found = vanishing_segment(problem, u, problem.survey(u))
+        survey = problem.survey(u)
+        found = vanishing_segment(problem, u, survey)
+        if found is None and (out := run_out(problem, u, survey)):
+            larger = neighbour(problem, out[0], u)
+            if not isinstance(larger, Neighbour) or len(larger.signature) <= problem.segments:
+                return problem, u, Grazing(problem, out[0].kind, out[0].segment, out[0].transition)
+            problem, u = self.problem(larger.signature, larger.u[: -len(self.names)])
+            found = vanishing_segment(problem, u, problem.survey(u))
         if found is None:
-            survey = problem.survey(u)
             heights = np.abs(survey.margins)
             i, k = np.unravel_index(int(np.argmin(heights)), heights.shape) if heights.size else (0, 0)
             sizes = np.array([problem.event_size(int(j), u[: problem.n]) for j in range(heights.shape[1])])
@@ -139,7 +147,7 @@ class CriticalOrbit:
             if survey.places[i, k] == WHOLE:
                 return problem, u, Grazing(problem, "side", int(i), int(k))
             larger = neighbour(problem, Monitor("margin", int(i), int(k)), u)
-            if not isinstance(larger, Neighbour):
+            if not isinstance(larger, Neighbour) or self.kind == "AS":
                 larger = touching(problem, u, int(i), int(k))
             problem, u = self.problem(larger.signature, larger.u[: -len(self.names)])
             found = vanishing_segment(problem, u, problem.survey(u))

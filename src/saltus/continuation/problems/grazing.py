@@ -46,7 +46,8 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
     monitor : Monitor
         The monitor function that vanishes: a ``margin`` (a segment touches a surface), a ``side`` (a whole segment lies
         on a surface), a ``rate`` (a segment's event is met without velocity), a ``duration`` (a segment has no
-        length), or a ``condition`` (that of the transition at a segment's end runs out).
+        length), a ``condition`` (that of the transition at a segment's end runs out), or an ``ahead`` (another event
+        happens at a segment's end).
     u : ndarray, shape (size + 1,)
         Unknowns of the orbit, and the parameter.
     """
@@ -60,9 +61,9 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
         found = _change_modes(problem, blocks, u, monitor.transition)
     elif monitor.kind == "duration":
         found = _remove(problem, blocks, u, monitor.segment)
-    elif monitor.kind == "condition":
+    elif monitor.kind in ("condition", "ahead"):
         problem.survey(u)
-        found = _reroute(problem, blocks, monitor.segment)
+        found = _reroute(problem, blocks, monitor.segment, monitor.transition)
     else:
         problem.survey(u)
         found = _merge(problem, blocks, u, monitor.segment)
@@ -310,8 +311,8 @@ def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Found 
     return _gather(rows, old.turns)
 
 
-def _reroute(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Found | str:
-    """Let segment `i`, the condition at whose end runs out, end with another transition at the same place.
+def _reroute(problem: OrbitProblem, blocks: NDArray[np.float64], i: int, instead: int) -> _Found | str:
+    """Let segment `i` end with another transition at the same place: `instead`, or any other where that is -1.
 
     Where this leads to another mode, a segment without length is inserted, from which the motion goes on as before.
     """
@@ -322,6 +323,8 @@ def _reroute(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Fou
     rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
     for mode in range(len(names)):
         for other in _leading(problem, old.modes[i], mode, met, None, besides=own):
+            if instead not in (-1, other):
+                continue
             landed = np.empty(n)
             problem.system.compiled.call("reset", other, 0, met, problem.extended, landed)
             if mode == old.modes[following]:
@@ -332,6 +335,8 @@ def _reroute(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Fou
             for back in _leading(problem, mode, old.modes[following], landed, wanted):
                 rows[i] = (old.modes[i], other, blocks[i])
                 return _gather([*rows[: i + 1], (mode, back, np.append(landed, 0.0)), *rows[i + 1 :]], old.turns)
+    if instead >= 0:
+        return f"no transition leads on behind {problem.system.transitions[instead].name!r}, which happens first"
     return f"the condition of {problem.system.transitions[own].name!r} runs out, and no other transition happens there"
 
 
@@ -345,7 +350,7 @@ def _leading(
     problem: OrbitProblem, source: int, target: int, x: NDArray[np.float64], to: NDArray[np.float64] | None,
     besides: int = -1,
 ) -> list[int]:  # fmt: skip
-    """Return the transitions between two modes whose events vanish at the state x, and whose resets lead `to` a state."""
+    """Return the transitions between two modes that happen at the state x, and whose resets lead `to` a state."""
     found, system, names = [], problem.system, problem.system.mode_names
     x = np.ascontiguousarray(x)
     for k, transition in enumerate(system.transitions):
@@ -411,7 +416,7 @@ def _born(
         mode = problem.signature.modes[monitor.segment]
         return problem.system.mode_index(target), mode, mode
     n, size = problem.n, problem.size
-    if monitor.kind == "condition":
+    if monitor.kind in ("condition", "ahead"):
         if isinstance(found, str) or len(found.signature) <= len(problem.signature):
             return None
         modes = found.signature.modes
@@ -426,6 +431,7 @@ def _born(
         elif monitor.kind == "side":
             return None
     return modes[place], modes[place - 1], modes[(place + 1) % len(modes)]
+
 
 def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
     """Join segment `i` with the next one where its event is met without velocity and changes nothing."""

@@ -3,31 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
+from saltus.orbits.critical import TOUCHING
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import EVENT_END, MEAN_END, WHOLE, Signature, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["grazing_monitors", "shadowed", "side_of", "timed"]
+__all__ = ["grazing_monitors", "run_out", "shadowed", "side_of", "still_ahead", "timed"]
 
 
 def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], float]]:
-    """Return the monitor functions of grazings that a survey gives: margins, sides, rates and conditions.
+    """Return the monitor functions of changes of signature that a survey gives: all but durations.
 
     Each is positive on the admissible side. A ``side`` of an event in both directions has no admissible side.
     """
     found: dict[Monitor, Callable[[Survey], float]] = {}
     system, signature = problem.system, problem.signature
     for i, (mode, end) in enumerate(zip(signature.modes, signature.transitions, strict=True)):
+        own = system.transitions[end].event if end >= 0 else ""
         for k, transition in enumerate(system.transitions):
             if transition.source == system.mode_names[mode]:
+                if end >= 0 and transition.event != own:
+                    found[Monitor("ahead", i, k)] = lambda s, at=(i, k): float(s.ahead[at])  # type: ignore[misc]
                 found[Monitor("margin", i, k)] = lambda s, at=(i, k): (  # type: ignore[misc]
                     float(s.margins[at]) if s.places[at] != WHOLE else math.inf
                 )
@@ -52,6 +56,30 @@ def timed(signature: Signature) -> dict[Monitor, int]:
 def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> float:
     """Return a monitor function of kind ``side`` for an orbit that may be corrected roughly only."""
     return problem.distance(u, monitor.segment, monitor.transition)[0]
+
+
+def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> list[Monitor]:
+    """Return the monitor functions of conditions, and of further events at segments' ends, that vanish at an orbit."""
+    found = []
+    for i, k in enumerate(problem.signature.transitions):
+        if k < 0:
+            continue
+        met = problem.state_on(i, 1.0)
+        if problem.system.transitions[k].when is not None:
+            if abs(survey.rates[i, 3]) < TOUCHING * problem.condition_size(k, met):
+                found.append(Monitor("condition", i))
+    for name, value in grazing_monitors(problem).items():
+        if name.kind == "ahead" and (height := abs(value(survey))) < math.inf:
+            if height < TOUCHING * problem.event_size(name.transition, u[: problem.n]):
+                found.append(name)
+    return found
+
+
+def still_ahead(monitors: dict[Monitor, float], known: Mapping[Monitor, float]) -> None:
+    """Drop events that segments' ends have passed, unless they were ahead at the point before, in `known`."""
+    for name, value in monitors.items():
+        if name.kind == "ahead" and value < 0.0 and not known.get(name, math.nan) > 0.0:
+            monitors[name] = math.nan
 
 
 def shadowed(vanishing: list[int], count: int) -> set[Monitor]:

@@ -18,7 +18,7 @@ from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
-from saltus.continuation.problems.margins import grazing_monitors, shadowed, side_of, timed
+from saltus.continuation.problems.margins import grazing_monitors, shadowed, side_of, still_ahead, timed
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
@@ -214,6 +214,7 @@ class OrbitZeroProblem:
         data = OrbitData(survey, values, unstable, followed)
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
+        still_ahead(monitors, {} if before is None else before.examined.monitors)
         if abs(values[0]) < INFINITE and not self.neutral:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)

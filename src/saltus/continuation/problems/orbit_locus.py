@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor, at_grazing
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.problems.guards import residual_fault, unconfirmed
-from saltus.continuation.problems.margins import grazing_monitors, shadowed, side_of, timed
+from saltus.continuation.problems.margins import grazing_monitors, shadowed, side_of, still_ahead, timed
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.orbits.critical import Branching, Critical, Grazing, openness
@@ -79,7 +80,7 @@ class LocusZeroProblem:
     problem : OrbitProblem
         The equations with two active parameters, started.
     kind : str
-        ``SN``, ``PD``, ``TR``, ``BP`` or ``GR``.
+        ``SN``, ``PD``, ``TR``, ``BP``, or a type at which the signature changes.
     condition : Condition
         The critical condition.
     z : ndarray, shape (size + extra + 2,)
@@ -189,7 +190,8 @@ class LocusZeroProblem:
         monitors = {name: self._measure(name, point) for name in (*_PLAIN, *self._durations)}
         monitors |= {name: math.nan for name in _TURNS if abs(monitors[name]) < _CONSTANT}
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
-        if self.kind == "GR":  # an orbit that repeats a shorter one touches in each repetition, all along the locus
+        still_ahead(monitors, {} if before is None else before.examined.monitors)
+        if self.kind in CHANGES:  # an orbit that repeats a shorter one touches in each repetition, all along the locus
             touched = _TOUCHED * float(max(problem.event_sizes(u).max(), problem.state_scale[: len(survey.x0)].min()))
             for name, value in monitors.items():
                 if name.kind == "margin" and abs(value) < touched:
@@ -255,7 +257,8 @@ class LocusZeroProblem:
 
         With `only`, monitors that are not asked for may be left out. Without a survey there are no data.
         """
-        return getattr(self, f"_at_{self.kind}")(point, survey, only)  # type: ignore[no-any-return]
+        kind = "GR" if self.kind in CHANGES else self.kind
+        return getattr(self, f"_at_{kind}")(point, survey, only)  # type: ignore[no-any-return]
 
     def _data(
         self, survey: Survey | None, u: NDArray[np.float64], angle: float, coefficient: float,
@@ -406,7 +409,7 @@ class LocusZeroProblem:
         """Return whether more than one codimension-two point or grazing lies in a step; False on a GR locus."""
         ours = [name for name in names if name not in _PLAIN and not at_grazing(name)]
         kinds = {name.kind for name in ours}
-        return len(kinds) + any(at_grazing(name) for name in names) > 1 and self.kind != "GR"
+        return len(kinds) + any(at_grazing(name) for name in names) > 1 and self.kind not in CHANGES
 
 
 def _vanishing(grazing: Grazing) -> Monitor:

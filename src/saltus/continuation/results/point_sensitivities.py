@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.problems.critical_points import CriticalOrbit, critical_condition
 from saltus.continuation.problems.extents import extents
 from saltus.equilibria import Equilibrium
@@ -35,7 +36,7 @@ __all__ = ["Place", "moved"]
 
 _REGULAR = 1e-11  # least singular value of a regular system, over the largest
 _FORCED = 1e-6  # forcing by a parameter, over the equations' change by it, up to which a branch point persists
-_ORBITS = ("SN", "PD", "TR", "BP", "GR")  # types of special points that move, of orbits
+_ORBITS = ("SN", "PD", "TR", "BP", *CHANGES)  # types of special points that move, of orbits
 _EQUILIBRIA = ("SN", "HB", "BE")  # the same, of equilibria
 _MAP_ORBITS = ("SN", "PD", "TR", "BC")  # the same, of orbits of maps
 

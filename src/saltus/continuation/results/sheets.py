@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.crossings import extremes_of
 from saltus.continuation.results.special_points import SpecialPoint
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["MOVING", "WITHIN", "Sheet", "Stretch", "sheets_of", "stretches_of"]
 
-MOVING = ("SN", "PD", "TR", "GR")  # types of special points at which a stable sheet ends and that move with parameters
+# Types of special points at which a stable sheet ends and that move with parameters.
+MOVING = ("SN", "PD", "TR", *CHANGES)
 WITHIN = 1e-5  # distance from a special point at which a sheet is cut off, over the sheet's length
 _AT_GRAZING = 1e-6  # distance from a grazing, over the branch's range, at which a motion is rounding
 _REACH = 1.5  # distance of an orbit from where interpolation has it, over that of neighbours, two on each side, at most
@@ -56,7 +58,7 @@ def _lone(branch: Branch, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which points are no stable motions, lie on a grazing, and have stable neighbours on both sides."""
     lone = np.zeros(len(branch), dtype=bool)
     between = ~good[1:-1] & good[:-2] & good[2:]
-    grazings = np.array([point.value(branch.parameter) for point in branch.special_points.of_type("GR")])
+    grazings = np.array([point.value(branch.parameter) for point in branch.special_points if point.type in CHANGES])
     if grazings.size and between.any():
         near = np.abs(branch.values[1:-1, None] - grazings).min(axis=1) <= _AT_GRAZING * float(np.ptp(branch.values))
         lone[1:-1] = between & near
@@ -209,7 +211,7 @@ def _end(branch: Branch, points: tuple[int, ...], *, upper: bool) -> SpecialPoin
         and not (len(points) > 1 and _is_between(point, points))
     ]
     # a motion stays stable at most grazings, so that a bifurcation in the same step is where stability is lost
-    return min(ahead, key=lambda point: (point.type == "GR", abs(point.position - last)), default=None)
+    return min(ahead, key=lambda point: (point.type in CHANGES, abs(point.position - last)), default=None)
 
 
 def _is_between(point: SpecialPoint, points: Sequence[int]) -> bool:

@@ -42,7 +42,7 @@ from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
-from saltus.orbits.signature import Signature, Survey
+from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature, Survey
 from saltus.orbits.unfolding import Fixed
 
 if TYPE_CHECKING:
@@ -288,6 +288,8 @@ class OrbitRun(OneParameterRun):
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.equations(found.signature, found.u)
             orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
+            # on the border the signs of what vanishes are rounding
+            orbit = replace(orbit, faults=orbit.faults & ~(DURATION | DIRECTION | WHEN))
             half.specials[-1] = replace(half.specials[-1], solution=orbit)
         half.points.append((branch, point))
         if name in self.stops:
@@ -404,7 +406,16 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
 
 # Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _INADMISSIBLE = Survey(
-    1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3))
+    1,
+    False,
+    np.empty(0),
+    np.empty(0),
+    np.empty(0),
+    np.empty(0),
+    np.empty(0),
+    np.empty(0),
+    np.empty(0),
+    np.empty((0, 3)),
 )
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from saltus.continuation.core.locating import events_between
 from saltus.continuation.core.monitor import Monitor, at_grazing
-from saltus.continuation.core.point_types import loci_through
+from saltus.continuation.core.point_types import CHANGES, POINT_TYPES, loci_through
 from saltus.continuation.core.zero_problem import SAME, Event, Point
 from saltus.continuation.problems.critical_points import CriticalOrbit
 from saltus.continuation.problems.ends.closure import alongside, passes
+from saltus.continuation.problems.grazing import neighbour, type_of_change
 from saltus.continuation.problems.orbit_locus import LocusZeroProblem
 from saltus.continuation.results.locus import Locus
 from saltus.continuation.runs.field_roots import rooted_modes
@@ -22,7 +23,7 @@ from saltus.continuation.runs.two_parameters import TwoParameterRun, locus_run
 from saltus.continuation.runs.two_sided import Found, OneSide
 from saltus.errors import InputError
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.signature import DIRECTION, DURATION
+from saltus.orbits.signature import DIRECTION, DURATION, WHEN
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,7 +57,7 @@ class OrbitLocusRun(TwoParameterRun):
 
     def locus(self) -> Locus:
         """See `TwoParameterRun.locus`."""
-        if self.kind != "GR" and (modes := rooted_modes(self.solution)):
+        if self.kind not in CHANGES and (modes := rooted_modes(self.solution)):
             hint = (
                 f"in {', '.join(modes)} its slope is infinite there: loci crawl; give the force by its impulse instead"
             )
@@ -76,7 +77,7 @@ class OrbitLocusRun(TwoParameterRun):
             self.start_values(np.array([orbit.parameters[name] for name in self.names])),
             None if start is None else start.sizes,
             (self.names[0],) if start is None else start.varied,
-            start is not None and start.locus == "GR",
+            start is not None and start.locus in CHANGES,
         )
         problem, u, condition, extra = critical.extended()
         z = np.concatenate([u[: problem.size], extra, u[-2:]])
@@ -131,28 +132,30 @@ class OrbitLocusRun(TwoParameterRun):
     def special(self, half: OneSide, event: Event) -> str | None:
         """See `TwoParameterRun.special`."""
         kind, at = event.name.kind, event.name.segment
-        on_grazing = self.start is not None and self.start.locus == "GR"
+        on_grazing = self.start is not None and self.start.locus in CHANGES
         if on_grazing and event.point.arc < SAME and kind != "TP" and not at_grazing(event.name):
             return None  # at a start on a grazing every determinant vanishes
         of = ""
         if kind == "TP":
             of = self.names[at]
         elif at_grazing(event.name):
-            kind = "GR"
+            u = self.branch.orbit(event.point.u)
+            found = neighbour(self.branch.problem, event.name, u)
+            kind = type_of_change(self.branch.problem, event.name, u, found)
         elif kind == "unfolded":
             return None
         elif event.name.side:
             of = f"{event.name.side} signature"
-        if kind == "GR":  # where a duration or a velocity vanishes, its sign is rounding
+        if kind in CHANGES:  # where a duration or a velocity vanishes, its sign is rounding
             if event.name.kind == "duration":
                 event.point.u[at * (self.branch.n + 1) + self.branch.n] = 0.0
             data = event.point.examined.data
-            survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION))
+            survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
             event.point.examined = replace(event.point.examined, data=replace(data, survey=survey))
         orbit = self._orbit(event.point)
         half.specials.append(Found(kind, orbit, event.value, len(half.points), event.point.arc, of))
-        if kind == "GR":
-            return "grazing: orbits beyond it are of another signature"
+        if kind in CHANGES:
+            return f"{POINT_TYPES[kind].meaning}: orbits beyond it are of another signature"
         if self.kind == "TR" and kind in _ENDS:
             return f"{kind}: {_ENDS[kind]}"
         return kind if kind in self.stops else None

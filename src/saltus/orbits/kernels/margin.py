@@ -54,6 +54,12 @@ def margin(view, curve, k, head, transition, before, closed, room, found):
     outlined()
     total = curve.count * FINE
     height, sign = pointer(room.heights, k * (total + 1)), -1.0 if view.directions[k] > 0 else 1.0
+    if view.directions[k] != 0 and height[total] < height[total - 1]:
+        call(
+            view.functions[GUARD], view.modes + k, 0, pointer(curve.nodes, curve.count * view.n), 0, view.p, room.one, 0
+        )
+        if room.one[0] > 0.0:
+            found.ahead[head * view.transitions + k] = height[total]
     size, top, bottom = 0.0, height[0], height[0]
     for j in range(total + 1):
         size = max(size, abs(height[j]))
