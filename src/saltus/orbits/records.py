@@ -141,17 +141,17 @@ def events_of(system: HybridSystem) -> Events:
     return Events(
         sources=np.array([system.mode_index(t.source) for t in system.transitions], dtype=np.int64),
         directions=np.array([t.direction for t in system.transitions], dtype=np.int64),
-        surfaces=np.array(
-            [SECTION if system.at_phases(t) else _surface(t) for t in system.transitions], dtype=np.int64
-        ),
+        surfaces=np.array([_surface(system, t) for t in system.transitions], dtype=np.int64),
         modes=len(system.modes),
         outputs=system.compiled.n_outputs,
         phase=system.phase is not None,
     )
 
 
-def _surface(transition: Transition) -> int:
+def _surface(system: HybridSystem, transition: Transition) -> int:
     """Return what the event of a transition does to motions that meet its surface."""
+    if system.at_phases(transition):
+        return SECTION
     if transition.target != transition.source:
         return BOUNDARY
     return STOP if any(value != state for state, value in transition.reset.items()) else SECTION

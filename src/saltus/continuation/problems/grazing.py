@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.problems.margins import run_out
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END, WHOLE, Signature
@@ -62,8 +63,7 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
     elif monitor.kind == "duration":
         found = _remove(problem, blocks, u, monitor.segment)
     elif monitor.kind in ("condition", "ahead"):
-        problem.survey(u)
-        found = _reroute(problem, blocks, monitor.segment, monitor.transition)
+        found = _reroute(problem, blocks, u, monitor)
     else:
         problem.survey(u)
         found = _merge(problem, blocks, u, monitor.segment)
@@ -311,30 +311,47 @@ def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Found 
     return _gather(rows, old.turns)
 
 
-def _reroute(problem: OrbitProblem, blocks: NDArray[np.float64], i: int, instead: int) -> _Found | str:
-    """Let segment `i` end with another transition at the same place: `instead`, or any other where that is -1.
+_Rows = list[tuple[int, int, "NDArray[np.float64]"]]
 
-    Where this leads to another mode, a segment without length is inserted, from which the motion goes on as before.
+
+def _reroute(
+    problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], monitor: Monitor
+) -> _Found | str:
+    """Let the segment of a monitor function, and those like it, end with another transition at the same place.
+
+    Where both halves of a symmetric orbit change, they change at once.
+    """
+    old = problem.signature
+    rows: _Rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(len(old))]
+    alike = [name for name in run_out(problem, u, problem.survey(u)) if name.kind == monitor.kind]
+    for name in sorted({monitor, *alike}, key=lambda name: -name.segment):
+        found = _rerouted(problem, blocks, name.segment, name.transition)
+        if isinstance(found, str):
+            return found
+        rows[name.segment : name.segment + 1] = found
+    return _gather(rows, old.turns)
+
+
+def _rerouted(problem: OrbitProblem, blocks: NDArray[np.float64], i: int, instead: int) -> _Rows | str:
+    """Return segment `i` with another transition at its end: `instead`, or any other where that is -1.
+
+    Where this leads to another mode, a segment without length follows, from which the motion goes on as before.
     """
     old, n, names = problem.signature, problem.n, problem.system.mode_names
-    count, own = len(old), old.transitions[i]
-    following = (i + 1) % count
+    own, following = old.transitions[i], (i + 1) % len(old)
     met, wanted = problem.state_on(i, 1.0), blocks[following, :n]
-    rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
     for mode in range(len(names)):
         for other in _leading(problem, old.modes[i], mode, met, None, besides=own):
             if instead not in (-1, other):
                 continue
-            landed = np.empty(n)
+            landed, here = np.empty(n), (old.modes[i], other, blocks[i])
             problem.system.compiled.call("reset", other, 0, met, problem.extended, landed)
             if mode == old.modes[following]:
                 if _same_state(problem, landed, wanted):
-                    rows[i] = (old.modes[i], other, blocks[i])
-                    return _gather(rows, old.turns)
+                    return [here]
                 continue
             for back in _leading(problem, mode, old.modes[following], landed, wanted):
-                rows[i] = (old.modes[i], other, blocks[i])
-                return _gather([*rows[: i + 1], (mode, back, np.append(landed, 0.0)), *rows[i + 1 :]], old.turns)
+                return [here, (mode, back, np.append(landed, 0.0))]
     if instead >= 0:
         return f"no transition leads on behind {problem.system.transitions[instead].name!r}, which happens first"
     return f"the condition of {problem.system.transitions[own].name!r} runs out, and no other transition happens there"

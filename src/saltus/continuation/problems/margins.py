@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ from saltus.orbits.signature import EVENT_END, MEAN_END, WHOLE, Signature, Surve
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["grazing_monitors", "run_out", "shadowed", "side_of", "still_ahead", "timed"]
+__all__ = ["grazing_monitors", "run_out", "side_of", "still_ahead", "timed", "without_shadows"]
 
 
 def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], float]]:
@@ -64,14 +64,14 @@ def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> li
     for i, k in enumerate(problem.signature.transitions):
         if k < 0:
             continue
-        met = problem.state_on(i, 1.0)
-        if problem.system.transitions[k].when is not None:
-            if abs(survey.rates[i, 3]) < TOUCHING * problem.condition_size(k, met):
-                found.append(Monitor("condition", i))
+        held = problem.system.transitions[k].when is None
+        size = math.nan if held else problem.condition_size(k, problem.state_on(i, 1.0))
+        if abs(survey.rates[i, 3]) < TOUCHING * size:
+            found.append(Monitor("condition", i))
     for name, value in grazing_monitors(problem).items():
-        if name.kind == "ahead" and (height := abs(value(survey))) < math.inf:
-            if height < TOUCHING * problem.event_size(name.transition, u[: problem.n]):
-                found.append(name)
+        size = problem.event_size(name.transition, u[: problem.n]) if name.kind == "ahead" else math.nan
+        if abs(value(survey)) < TOUCHING * size:
+            found.append(name)
     return found
 
 
@@ -82,6 +82,17 @@ def still_ahead(monitors: dict[Monitor, float], known: Mapping[Monitor, float]) 
             monitors[name] = math.nan
 
 
-def shadowed(vanishing: list[int], count: int) -> set[Monitor]:
-    """Return the rates and conditions that vanish since one of the segments `vanishing`, of `count`, has no length."""
-    return {Monitor(kind, i) for j in vanishing for i in (j, (j - 1) % count) for kind in ("rate", "condition")}
+def without_shadows(names: Iterable[Monitor], vanishing: Iterable[int], count: int) -> list[Monitor]:
+    """Return the monitor functions without those that vanish only since some segments have no length.
+
+    Parameters
+    ----------
+    names : iterable of Monitor
+        The monitor functions.
+    vanishing : iterable of int
+        The segments without length.
+    count : int
+        Segments in all.
+    """
+    beside = {i for j in vanishing for i in (j, (j - 1) % count)}
+    return [name for name in names if not (name.kind in ("rate", "condition", "ahead") and name.segment in beside)]

@@ -18,7 +18,7 @@ from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
-from saltus.continuation.problems.margins import grazing_monitors, shadowed, side_of, still_ahead, timed
+from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
@@ -309,8 +309,7 @@ class OrbitZeroProblem:
     def leading(self, names: list[Monitor]) -> list[Monitor]:
         """Return the names without those that vanish only since a neighbouring segment has no length."""
         vanishing = [self._durations[name] for name in names if name in self._durations]
-        shadows = shadowed(vanishing, self.problem.segments)
-        return [name for name in names if name not in shadows]
+        return without_shadows(names, vanishing, self.problem.segments)
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
         """Return the events without shadows of others, or the reason why the step is rejected.

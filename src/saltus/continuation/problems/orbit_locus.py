@@ -18,14 +18,14 @@ from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.problems.guards import residual_fault, unconfirmed
-from saltus.continuation.problems.margins import grazing_monitors, shadowed, side_of, still_ahead, timed
+from saltus.continuation.problems.margins import grazing_monitors, run_out, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
-from saltus.orbits.critical import Branching, Critical, Grazing, openness
+from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_forms import flip_coefficient, null_vectors, torus_coefficient
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import DIRECTION, TOUCH_END, Survey
+from saltus.orbits.signature import DIRECTION, DURATION, TOUCH_END, WHEN, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -109,9 +109,16 @@ class LocusZeroProblem:
         self._surveyed = grazing_monitors(problem)
         self._durations = timed(problem.signature)
         if isinstance(condition, Grazing):
-            own = {_vanishing(condition)}
+            # what vanishes at the start vanishes all along: a symmetric orbit changes in both halves at once
+            u = self.orbit(z)
+            period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
+            own = {_vanishing(condition), *run_out(problem, u, problem.survey(u))}
             if condition.kind == "duration":
-                own |= shadowed([condition.segment], problem.segments)
+                own |= {
+                    name for name, i in self._durations.items() if abs(_duration(problem, u, i)) < TOUCHING * period
+                }
+                without = [name.segment for name in own if name.kind == "duration"]
+                own |= set(self._surveyed).difference(without_shadows(self._surveyed, without, problem.segments))
             elif condition.kind == "side":
                 own |= sides_met(problem, self.orbit(z))
             self._surveyed = {name: value for name, value in self._surveyed.items() if name not in own}
@@ -179,8 +186,8 @@ class LocusZeroProblem:
             doubt = astray(problem, u) or (None if forced else residual_fault(problem, survey, u))
             if doubt is not None:
                 return Examined({}, doubt)
-        if isinstance(self.condition, Grazing) and self.condition.kind == "rate":
-            survey = replace(survey, faults=survey.faults & ~DIRECTION)
+        if isinstance(self.condition, Grazing):
+            survey = _on_border(problem, self.condition, u, survey)
         # the multipliers next to a grazing vary so fast that the last Newton step shows in them
         self._J = problem.evaluate(u)[1]
         problem.prepare(u)
@@ -242,7 +249,7 @@ class LocusZeroProblem:
     def _measure(self, name: Monitor, point: Point) -> float:
         kind, at = name.kind, name.segment
         if kind == "duration":
-            return float(point.u[at * (self.n + 1) + self.n])
+            return _duration(self.problem, point.u, at)
         if kind == "TP":
             return float(point.tangent[at - 2])
         distance = float(point.u[at - 2]) - self._bounds[at][kind == "high"]
@@ -374,8 +381,7 @@ class LocusZeroProblem:
     def leading(self, names: list[Monitor]) -> list[Monitor]:
         """Return the names without those that vanish only since a neighbouring segment has no length."""
         vanishing = [name.segment for name in names if name.kind == "duration"]
-        shadows = shadowed(vanishing, self.problem.segments)
-        return [name for name in names if name not in shadows]
+        return without_shadows(names, vanishing, self.problem.segments)
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
         """Return the events without shadows of grazings, or the reason why the last step is rejected."""
@@ -410,6 +416,25 @@ class LocusZeroProblem:
         ours = [name for name in names if name not in _PLAIN and not at_grazing(name)]
         kinds = {name.kind for name in ours}
         return len(kinds) + any(at_grazing(name) for name in names) > 1 and self.kind not in CHANGES
+
+
+def _duration(problem: OrbitProblem, u: NDArray[np.float64], i: int) -> float:
+    return float(u[i * (problem.n + 1) + problem.n])
+
+
+def _on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], survey: Survey) -> Survey:
+    """Return a survey without the faults that are rounding where a quantity vanishes all along the locus."""
+    if grazing.kind == "rate":
+        return replace(survey, faults=survey.faults & ~DIRECTION)
+    kept, durations = survey.faults, u[problem.n : problem.size : problem.n + 1]
+    zero = np.flatnonzero(np.abs(durations) < TOUCHING * np.abs(durations).sum()).tolist()
+    beside = {grazing.segment, *zero, *((i - 1) % problem.segments for i in zero)}
+    others = [i for i in range(problem.segments) if i not in beside]
+    if np.all(survey.rates[others, 3] > 0.0):
+        kept &= ~WHEN
+    if grazing.kind == "duration" and np.all(durations[others] > 0.0):
+        kept &= ~DURATION
+    return replace(survey, faults=kept)
 
 
 def _vanishing(grazing: Grazing) -> Monitor:

@@ -405,18 +405,8 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
 
 
 # Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
-_INADMISSIBLE = Survey(
-    1,
-    False,
-    np.empty(0),
-    np.empty(0),
-    np.empty(0),
-    np.empty(0),
-    np.empty(0),
-    np.empty(0),
-    np.empty(0),
-    np.empty((0, 3)),
-)
+_NONE = np.empty(0)
+_INADMISSIBLE = Survey(1, False, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, np.empty((0, 3)))
 
 
 def _ranges(point: Point, count: int) -> NDArray[np.float64]:
