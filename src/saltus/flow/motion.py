@@ -11,6 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
 from saltus.flow.sticking import sticking_surface
+from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,6 +29,8 @@ _BUDGET = 1 << 16  # steps of one call of the kernel
 _MOST = np.iinfo(np.int64).max  # a count that is never reached
 _WATCHED = 2048  # steps tried between two looks at whether a motion sticks
 _HUGE = 1e250  # value beyond which an event function is not finite: sums of some of its values overflow
+_APART = 1e-3  # change of a state, over its size, by which a surface's slope is looked at
+_ON_SURFACE = 1e-8  # distance from a surface, over its variation with the states' sizes, up to which a state is on it
 _LOOKS = 3  # looks in a row at which a motion that sticks is held
 
 
@@ -309,14 +312,14 @@ def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
     return False
 
 
-def start_state(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
+def start_state(system: HybridSystem, x0: ArrayLike, mode: str | None = None) -> NDArray[np.float64]:
     """Return a full state at which a motion may be started, its phase on [0, 2 pi).
 
     A phase that is 2 pi but for rounding becomes one just below 0, before the events at phase 0.
     """
     from saltus.flow.kernels.state import AT_WRAP
 
-    x = system.full_state(x0)
+    x = system.full_state(x0, mode=mode)
     if system.phase is not None:
         x[-1] %= _TWO_PI
         if x[-1] > _TWO_PI - AT_WRAP:
@@ -383,6 +386,7 @@ def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.fl
     """
     if mode is not None:
         index = system.mode_index(mode)
+        _check_own(system, mode, x, p)
         if not (value := domain_value(system, index, x, p)) > 0.0:
             allowed = f"in the domain of mode {mode!r}, {system.modes[mode].domain} > 0"
             raise InputError("x0", x.tolist(), allowed, f"it is {value:.6g} there")
@@ -399,9 +403,27 @@ def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.fl
     raise InputError("x0", x.tolist(), allowed, "; ".join(reasons))
 
 
+def _check_own(system: HybridSystem, mode: str, x: NDArray[np.float64], p: NDArray[np.float64]) -> None:
+    """Raise `InputError` where a state has what its mode lacks, or is off the surface along which the mode slides."""
+    if np.any(x[(absent := system.absent(system.mode_index(mode)))] != 0.0):
+        names = ", ".join(system.states[i] for i in absent)
+        raise InputError("x0", x.tolist(), f"of the states of mode {mode!r}", f"it lacks {names}")
+    surface = system.modes[mode].surface
+    if surface is None:
+        return
+    parameters = dict(zip(system.parameter_names, p.tolist(), strict=True))
+    near = np.vstack([x, x + np.diag(_APART * np.abs(x))])
+    heights = evaluate(system, surface, near, system.mode_index(mode), parameters)
+    if not abs(heights[0]) <= _ON_SURFACE * float(np.abs(heights[1:] - heights[0]).sum()) / _APART:
+        allowed = f"on the surface of mode {mode!r}, {surface} = 0"
+        raise InputError("x0", x.tolist(), allowed, f"it is {heights[0]:.6g} there")
+
+
 def allowed_modes(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> Iterator[int]:
     """Go through the indices of the modes in which a motion may start at x."""
     for index in range(len(system.modes)):
+        if np.any(x[system.absent(index)] != 0.0):
+            continue
         if domain_value(system, index, x, p) > 0.0 and not passed_event(system, index, x, p):
             yield index
 

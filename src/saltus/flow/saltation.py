@@ -46,6 +46,7 @@ def saltation_matrix(
     Returns
     -------
     ndarray, shape (all states, all states)
+        Of modes with states of their own: (states of the target, states of the source).
 
     Raises
     ------
@@ -73,7 +74,7 @@ def saltation_matrix(
     """
     names = system.transition_names
     k = names.index(checks.chosen("transition", transition, names))
-    compiled, x = system.compiled, system.full_state(x_before, "x_before")
+    compiled, x = system.compiled, system.full_state(x_before, "x_before", system.transitions[k].source)
     n, p = compiled.n, system.parameter_vector(parameters)
     extended = compiled.extended(p)
     event, after, jacobian = np.empty(2 + 2 * n), np.empty(n), np.empty(n * n)
@@ -89,4 +90,5 @@ def saltation_matrix(
     if abs(rate) <= 1e-14 * float(np.abs(event_x) @ np.abs(f1)):
         hint = "the motion grazes the surface, where no saltation matrix exists"
         raise InputError(f"normal velocity at transition {transition!r}", rate, "different from 0", hint)
-    return np.asarray(reset_x + np.outer(f2 - reset_x @ f1, event_x) / rate)
+    full = np.asarray(reset_x + np.outer(f2 - reset_x @ f1, event_x) / rate)
+    return np.delete(np.delete(full, system.absent(target), axis=0), system.absent(source), axis=1)

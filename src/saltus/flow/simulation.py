@@ -164,7 +164,7 @@ def simulate(
     """
     flowing(system, "iterate")
     p = system.parameter_vector(parameters)
-    x = start_state(system, x0)
+    x = start_state(system, x0, mode)
     rtol, atol = tolerances_of(tolerance)
     end, periods = how_long(system, periods, t_end)
     if periods is not None:

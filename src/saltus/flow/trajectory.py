@@ -87,6 +87,8 @@ class Trajectory(Result):
     def __call__(self, t: ArrayLike) -> NDArray[np.float64]:
         """Return the full state at times `t`, shape (all states,) for a number, (time, all states) for an array.
 
+        A state that the mode lacks is NaN.
+
         Raises
         ------
         InputError
@@ -98,6 +100,9 @@ class Trajectory(Result):
         fractions = np.clip((flat - self.step_times[at]) / self.step_lengths[at], 0.0, 1.0)
         states = self._states(at, fractions)
         states[flat >= self.t_end] = self.x_end
+        modes = self._modes_at(flat)
+        for mode in np.unique(modes).tolist():
+            states[np.ix_(modes == mode, self.system.absent(mode))] = math.nan
         return states if times.ndim else states[0]
 
     def mode_at(self, t: ArrayLike) -> Any:

@@ -145,7 +145,7 @@ def _found(
     system = flowing(system)
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
-    x = wrapped(system.full_state(x0), system.angle_places)
+    x = wrapped(system.full_state(x0, mode=mode), system.angle_places)
     longest = 3000.0 if settle is None else checks.positive("settle", settle)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     search = _search_forced if system.phase is not None else _search_autonomous

@@ -75,12 +75,12 @@ def _read_segments(
         modes.append(system.mode_index(mode))
         transitions.append(_transition_index(system, mode, transition, i))
         duration = checks.positive(f"segments[{i}] duration", duration)
-        x = system.full_state(x0, f"segments[{i}] x0")
+        x = system.full_state(x0, f"segments[{i}] x0", mode)
         if phase is not None:
             if i == 0:
                 field = system.compiled.field(modes[0], x, p)
                 rate, elapsed = float(field[-1]), float(x[-1])
-            elif np.size(x0) == len(system.states):
+            elif np.size(x0) == len(system.states) or np.size(x0) == len(system.modes[mode].states or ()):
                 x[-1] = elapsed
             else:
                 x[-1] += 2.0 * math.pi * round((elapsed - x[-1]) / (2.0 * math.pi))

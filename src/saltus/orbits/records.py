@@ -66,6 +66,7 @@ class Events(NamedTuple):
     sources: NDArray[np.int64]
     directions: NDArray[np.int64]
     surfaces: NDArray[np.int64]
+    absent: NDArray[np.int64]  # shape (modes * n,): 1 where a mode lacks a state
     # modes, outputs: counts of modes and of outputs
     modes: int
     outputs: int
@@ -142,6 +143,10 @@ def events_of(system: HybridSystem) -> Events:
         sources=np.array([system.mode_index(t.source) for t in system.transitions], dtype=np.int64),
         directions=np.array([t.direction for t in system.transitions], dtype=np.int64),
         surfaces=np.array([_surface(system, t) for t in system.transitions], dtype=np.int64),
+        absent=np.array(
+            [int(i in system.absent(mode)) for mode in range(len(system.modes)) for i in range(system.compiled.n)],
+            dtype=np.int64,
+        ),
         modes=len(system.modes),
         outputs=system.compiled.n_outputs,
         phase=system.phase is not None,

@@ -72,6 +72,8 @@ def sample_orbit(problem: OrbitProblem, u: NDArray[np.float64], points: int = 40
     points = checks.size("points", points, 2)
     system, parameters = problem.system, _parameters(problem, u)
     times, states, modes = _follow(problem, u, points)
+    for mode in np.unique(modes).tolist():
+        states[np.ix_(modes == mode, system.absent(mode))] = math.nan
     columns = dict(zip(system.all_states, states.T, strict=True))
     columns |= {name: evaluate(system, name, states, modes, parameters) for name in system.output_names}
     if system.phase is not None:

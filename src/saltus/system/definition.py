@@ -14,6 +14,7 @@ from saltus import checks
 from saltus.errors import DefinitionError, InputError, nearest
 from saltus.system.expressions import NAME, Names, check_name, text_of
 from saltus.system.grammar import chosen_among, clipped
+from saltus.system.own_states import completed_mode, completed_transition
 from saltus.system.parts import (
     Mode,
     Transition,
@@ -77,7 +78,9 @@ class Definition:
         let = mapping_of(let, "let", "of names to expressions")
         self.phase = clean_phase(phase, (*self.states, *self.parameters), let)
         names = Names((*self.all_states, *self.parameters)).with_let(let)
-        self.modes = self._clean_modes(modes, names)
+        self.modes = {
+            key: completed_mode(key, mode, self.states) for key, mode in self._clean_modes(modes, names).items()
+        }
         listed = sequence_of(transitions, "transitions", "of Transition")
         clock = None if self.phase is None else self.phase[0]
         self.transitions = tuple(
@@ -95,6 +98,7 @@ class Definition:
         self.regimes = {key: texts_of(visited, f"regime {key!r}", "names of modes") for key, visited in regimes.items()}
         self.made_of = kept_data(made_of, "made_of")
         self._check_structure(names.let)
+        self.transitions = tuple(completed_transition(t, self.modes, self.states) for t in self.transitions)
         self._check_choices()
         self.parameter_vector({})
         self.angles = texts_of(angles, "angles", "names of states")
@@ -139,6 +143,11 @@ class Definition:
         """Names of the outputs, in the order of definition."""
         return tuple(self.outputs)
 
+    def absent(self, mode: int) -> NDArray[np.int64]:
+        """Return the places of the states that a mode, by its index, lacks."""
+        own = self.modes[self.mode_names[mode]].states or self.states
+        return np.array([i for i, name in enumerate(self.states) if name not in own], dtype=np.int64)
+
     def definition(self) -> dict[str, Any]:
         """Return the definition as plain data, from which `from_definition` makes an equal system."""
         return {
@@ -150,6 +159,7 @@ class Definition:
                 key: {
                     "field": dict(mode.field), "domain": mode.domain,
                     **({} if mode.surface is None else {"surface": mode.surface}),
+                    **({} if mode.states is None else {"states": list(mode.states)}),
                 }
                 for key, mode in self.modes.items()
             },
@@ -288,7 +298,7 @@ class Definition:
         """
         return np.array(list(self.resolve(parameters).values()), dtype=np.float64)
 
-    def full_state(self, x0: ArrayLike, name: str = "x0") -> NDArray[np.float64]:
+    def full_state(self, x0: ArrayLike, name: str = "x0", mode: str | None = None) -> NDArray[np.float64]:
         """Return a state with the phase as its last component.
 
         Parameters
@@ -297,6 +307,8 @@ class Definition:
             Without the phase it is at phase 0.
         name : str, optional
             Name of the state in messages.
+        mode : str, optional
+            A mode, of whose own states alone `x0` may be.
 
         Returns
         -------
@@ -310,12 +322,22 @@ class Definition:
         """
         x = checks.array(name, x0, f"numbers, one for each of {', '.join(self.states)}", finite=False)
         n = len(self.states)
+        if mode in self.modes and (own := self.modes[mode].states) is not None and len(x) in (len(own), len(own) + 1):
+            x = self._completed_state(x, own)
         if x.shape != (n,) and x.shape != (len(self.all_states),):
             wanted = f"of shape ({n},), one number for each of {', '.join(self.states)}"
             raise InputError(name, x.tolist(), wanted)
         if not np.all(np.isfinite(x)):
             raise InputError(name, x.tolist(), "finite")
         return np.append(x, 0.0) if x.shape == (n,) and self.phase is not None else x
+
+    def _completed_state(self, x: NDArray[np.float64], own: Sequence[str]) -> NDArray[np.float64]:
+        """Return a state of a mode's own states, with or without the phase, with 0 for those that the mode lacks."""
+        if len(x) in (len(self.states), len(self.all_states)) and len(x) != len(own):
+            return x
+        full = np.zeros(len(self.states))
+        full[[self.states.index(name) for name in own]] = x[: len(own)]
+        return np.append(full, x[len(own) :])
 
     def mode_index(self, mode: str) -> int:
         """Return the index of a mode.
@@ -440,7 +462,7 @@ class Definition:
             where = f", where {mode.domain} > 0" if mode.domain is not None else ""
             where += f", on {mode.surface} = 0" if mode.surface is not None else ""
             lines.append(f"  mode {key}{where}")
-            lines += [f"    {name}' = {rate}" for name, rate in mode.field.items()]
+            lines += [f"    {name}' = {mode.field[name]}" for name in mode.states or mode.field]
         lines += [f"  transition {t.name}: {t._sentence()}" for t in self.transitions]
         for key, by_mode in self.outputs.items():
             texts = set(by_mode.values())

@@ -51,6 +51,9 @@ class Mode:
     surface : expression, optional
         Zero on the surface along which motions of this mode slide; the field is tangent to it. A start off the surface
         is refused.
+    states : sequence of str, optional
+        The states that the mode has, of the system's; by default all. A transition to it from a mode that lacks one of
+        them must reset this one. In results a state that a mode lacks is NaN where it is seen along a motion.
 
     Examples
     --------
@@ -61,10 +64,13 @@ class Mode:
     field: Mapping[str, Any]
     domain: Any = None
     surface: Any = None
+    states: Sequence[str] | None = None
 
     def __repr__(self) -> str:
-        is_mapping = isinstance(self.field, Mapping)
-        text = listed(self.field, ", {}' = {}").removeprefix(", ") if is_mapping else repr(self.field)
+        text = repr(self.field)
+        if isinstance(self.field, Mapping):
+            own = {name: rate for name, rate in self.field.items() if name in (self.states or self.field)}
+            text = listed(own, ", {}' = {}").removeprefix(", ")
         text += f"; domain {self.domain} > 0" if self.domain is not None else ""
         return f"Mode({text}" + (f"; surface {self.surface} = 0)" if self.surface is not None else ")")
 
@@ -212,7 +218,7 @@ def clean_mode(key: str, mode: Mode, names: tuple[str, ...], part: str = "mode")
         raise DefinitionError(where, mode.field, "a mapping of each state to its rate as the field")
     field_ = {name: text_of(rate, where, names) for name, rate in mode.field.items()}
     domain, surface = (None if part is None else text_of(part, where, names) for part in (mode.domain, mode.surface))
-    return Mode(field_, domain, surface)
+    return Mode(field_, domain, surface, None if mode.states is None else names_of(mode.states, where))
 
 
 def clean_transitions(transition: Transition, names: Names, phase: str | None) -> list[Transition]:

@@ -41,7 +41,7 @@ _FORM: Mapping[str, Any] = {
     "states": _TEXTS,
     "parameters": {"": _NUMBER},
     "phase": [_OPTIONAL],
-    "modes": {"": {"field": {"": _TEXT}, "domain": _OPTIONAL, "surface": _OPTIONAL}},
+    "modes": {"": {"field": {"": _TEXT}, "domain": _OPTIONAL, "surface": _OPTIONAL, "states": _TEXTS}},
     "transitions": [
         {
             "source": _TEXT, "target": _TEXT, "event": _TEXT, "direction": (int,), "reset": {"": _TEXT},
@@ -106,7 +106,10 @@ def _check(value: Any, form: Any, where: str) -> None:
 
 
 def _check_needed(value: Mapping[str, Any], form: Mapping[str, Any], where: str) -> None:
-    if missing := [key for key in form if key in _NEEDED and key not in value]:
+    needed = [
+        key for key in form if key in _NEEDED and not (key == "states" and "field" in form)
+    ]  # a mode may say none
+    if missing := [key for key in needed if key not in value]:
         raise DefinitionError(where, list(value), f"a mapping with {missing[0]!r}")
 
 

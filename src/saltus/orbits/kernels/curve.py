@@ -27,6 +27,8 @@ class View(NamedTuple):
         Components of the full state; counts of modes, outputs and transitions.
     sources, directions, surfaces : pointer to int64
         As in `saltus.orbits.records.Events`.
+    absent : pointer to int64
+        As in `saltus.orbits.records.Events`.
     sizes : pointer to float64, (n,)
         Typical sizes of the states.
     period : float
@@ -42,6 +44,7 @@ class View(NamedTuple):
     sources: object
     directions: object
     surfaces: object
+    absent: object
     sizes: object
     period: float
 

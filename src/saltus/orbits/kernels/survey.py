@@ -124,6 +124,7 @@ def _viewed(system, events, sizes, period):
         pointer(events.sources, 0),
         pointer(events.directions, 0),
         pointer(events.surfaces, 0),
+        pointer(events.absent, 0),
         sizes,
         period,
     )
@@ -269,8 +270,9 @@ def _sampled(view, curve, room, found):
         for q in range(n + outputs):
             value = x[q] if q < n else out[q - n]
             room.values[q * (total + 1) + j] = value
-            found.lows[q] = min(found.lows[q], value)
-            found.highs[q] = max(found.highs[q], value)
+            if q >= n or view.absent[mode * n + q] == 0:
+                found.lows[q] = min(found.lows[q], value)
+                found.highs[q] = max(found.highs[q], value)
         for k in range(view.transitions):
             if view.sources[k] == mode:
                 call(functions[EVENT], k, 0, x, 0, p, one, 0)
@@ -297,6 +299,8 @@ def _extremes(view, curve, room, found):
     quantities, total, lows, highs = view.n + view.outputs, curve.count * FINE, found.lows, found.highs
     for side in range(2 * quantities):
         sign, q = (1.0, side) if side < quantities else (-1.0, side - quantities)
+        if q < view.n and view.absent[curve.mode * view.n + q] != 0:
+            continue
         value = pointer(room.values, q * (total + 1))
         for j in range(1, total):
             fa, fm, fb = sign * value[j - 1], sign * value[j], sign * value[j + 1]
