@@ -86,6 +86,8 @@ class Definition:
         self.transitions = tuple(
             clean for transition in listed for clean in clean_transitions(transition, names, clock)
         )  # fmt: skip
+        if any(transition.rests is not None for transition in self.transitions):
+            self._add_rests(names)
         self.outputs = self._clean_outputs(mapping_of(outputs, "outputs", "of names to expressions"), names)
         groups = mapping_of(groups, "groups", "of names to sequences of parameters")
         self.groups = {
@@ -107,6 +109,12 @@ class Definition:
 
     def _prepare(self) -> None:
         """Do what a subclass needs once the data are checked."""
+
+    def _add_rests(self, names: Names) -> None:
+        """Add what motions need that come to rest behind impacts that accumulate."""
+        from saltus.system.chatter import with_rests
+
+        self.modes, self.transitions = with_rests(self.modes, self.transitions, self.states, names, self.phase)
 
     def _clean_modes(self, modes: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Mode]:
         """Return the modes with expressions that can be read."""
@@ -166,7 +174,7 @@ class Definition:
             "transitions": [
                 {
                     "source": t.source, "target": t.target, "event": t.event, "direction": t.direction,
-                    "reset": dict(t.reset), "when": t.when, "name": t.name,
+                    "reset": dict(t.reset), "when": t.when, "name": t.name, **({"sums": True} if t.sums else {}),
                 }
                 for t in self.transitions
             ],
@@ -371,11 +379,17 @@ class Definition:
             where = f"output {key!r}"
             check_name(key, "outputs")
             by_mode = value if isinstance(value, Mapping) else dict.fromkeys(self.modes, value)
+            by_mode = self._settling_outputs(by_mode)
             if set(by_mode) != set(self.modes):
                 wanted = f"given for each of the {self.part}s {', '.join(self.modes)}"
                 raise DefinitionError(where, list(by_mode), wanted)
             clean[key] = {mode: text_of(by_mode[mode], where, names) for mode in self.modes}
         return clean
+
+    def _settling_outputs(self, by_mode: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return outputs by mode with those of modes for settling, which are the outputs of the impacting modes."""
+        added = {t.target: by_mode[t.source] for t in self.transitions if t.sums and t.source in by_mode}
+        return {**added, **by_mode}
 
     def _equations(self) -> Iterator[tuple[str, str]]:
         """The expressions that must be smooth, each with where it stands."""

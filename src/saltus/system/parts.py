@@ -99,6 +99,16 @@ class Transition:
         The mode to which the event leads where `when` is not positive. The definition has a second transition for it,
         ``source_to_otherwise``, or the name with ``_otherwise`` behind it.
 
+    rests : str, optional
+        The mode in which a motion rests behind a sequence of impacts that accumulate. Without it such a motion ends
+        with an error. The definition has a mode for settling, ``name_settling``, and a transition into it,
+        ``name_last``: docs/theory/chatter.md.
+    rest_time : expression of parameters, optional
+        The time left to a sequence of impacts at which it is summed up; by default 1e-5 of the period of the phase, or
+        1e-5. The error is of the order of its cube, in units of the time in which the motion changes.
+    sums : bool, optional
+        Whether the transition sums up a sequence of impacts; set by a definition.
+
     Examples
     --------
     >>> Transition("off", "on", at_phase=0)
@@ -116,6 +126,9 @@ class Transition:
     name: str = ""
     at_phase: Any = None
     otherwise: str | None = None
+    rests: str | None = None
+    rest_time: Any = None
+    sums: bool = False
 
     def __post_init__(self) -> None:
         if all(isinstance(name, str) for name in (self.name, self.source, self.target)) and not self.name:
@@ -268,6 +281,9 @@ def _clean_transition(transition: Transition, names: Names, phase: str | None) -
         {name: text_of(value, where, names) for name, value in transition.reset.items()},
         None if transition.when is None else text_of(transition.when, where, names),
         transition.name,
+        rests=transition.rests,
+        rest_time=transition.rest_time,
+        sums=transition.sums,
     )
 
 

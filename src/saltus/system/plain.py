@@ -45,7 +45,7 @@ _FORM: Mapping[str, Any] = {
     "transitions": [
         {
             "source": _TEXT, "target": _TEXT, "event": _TEXT, "direction": (int,), "reset": {"": _TEXT},
-            "when": _OPTIONAL, "name": _TEXT,
+            "when": _OPTIONAL, "name": _TEXT, "sums": (bool,),
         }
     ],
     "outputs": {"": {"": _TEXT}},
