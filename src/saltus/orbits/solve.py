@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["check_fields", "check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
 
 _ON = 1e-8  # event function, over its variation with the states' sizes, up to which a state lies on the surface
+_ALONG = 1e-4  # part of a gradient across another one, over its length, up to which the two are parallel
 _MOST_UNKNOWNS = 4000  # unknowns of an orbit's equations, whose Jacobian is dense: 128 MB
 _ITERATIONS = 40  # Newton steps, at most
 _STEP_ACCEPTED = 1e-11  # largest Newton step, over the unknowns' sizes, of a converged orbit
@@ -416,15 +417,18 @@ def _laid_on(problem: OrbitProblem, before: int, own: int, x: NDArray[np.float64
     A motion that leaves a sliding mode is on the surface of its next event, but not since the sliding mode's end says
     so: that is a condition on the velocity.
     """
-    n, system = problem.n, problem.system
-    height, last = np.empty(2 + 2 * n), np.empty(2 + 2 * n)
-    system.compiled.call("event_x", own, 0, x, problem.extended, height)
+    n, compiled = problem.n, problem.system.compiled
+    height, last, moved = np.empty(2 + 2 * n), np.empty(2 + 2 * n), np.empty(n * n)
+    compiled.call("event_x", own, 0, x, problem.extended, height)
     slope = height[2 : 2 + n] * problem.state_scale
+    size = float(np.linalg.norm(slope))
     if not abs(height[0]) < _ON * float(np.abs(slope).sum()):
         return False
-    if system.transitions[before].reset:
-        return True
-    system.compiled.call("event_x", before, 0, x, problem.extended, last)
+    compiled.call("event_x", before, 0, x, problem.extended, last)
+    compiled.call("reset_x", before, 0, x, problem.extended, moved)
+    through = (moved.reshape(n, n).T @ height[2 : 2 + n]) * problem.state_scale
     other = last[2 : 2 + n] * problem.state_scale
-    along = abs(float(slope @ other))
-    return along > (1.0 - _ON) * float(np.linalg.norm(slope) * np.linalg.norm(other))
+    reach = float(np.linalg.norm(through))
+    if reach < _ALONG * size:  # the reset alone lays motions on the surface
+        return True
+    return abs(float(through @ other)) > (1.0 - _ALONG) * reach * float(np.linalg.norm(other))

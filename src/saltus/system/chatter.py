@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["with_rests"]
 
+_SLOWLY = 10.0  # times that the pull towards the surface may not change by itself within the time left
+_MOMENT = 1e-2  # time behind the end of a rest at which a motion goes on, over the time left to a sequence
 _SHARE = 1e-5  # time left in which a sequence of impacts is summed up, over the period of the phase
 
 
@@ -43,14 +45,19 @@ def with_rests(
         The resting mode is unknown; the event counts in either direction, or leads to another mode; its reset turns no
         velocity back.
     """
-    made, listed = dict(modes), []
+    made, leaving = dict(modes), []
+    listed: list[Transition] = []
     for transition in transitions:
         if transition.rests is None:
             listed.append(transition)
             continue
-        mode, parts = _Settling(transition, modes, states, names, phase).parts()
-        made[f"{transition.name}_settling"] = mode
-        listed += [parts[0], replace(transition, rests=None, rest_time=None), *parts[1:]]
+        settling = _Settling(transition, modes, states, names, phase)
+        made[f"{transition.name}_settling"] = settling.mode()
+        last, *out = settling.transitions()
+        listed += [last, replace(transition, rests=None, rest_time=None), *out]
+        leaving.append(settling)
+    for settling in leaving:
+        listed = [settling.leaving(transition) for transition in listed]
     return made, tuple(listed)
 
 
@@ -79,6 +86,7 @@ class _Settling:
         )
         self.reset = {self.x[name]: self.read(text) for name, text in transition.reset.items() if name in states}
         self.domain = modes[transition.source].domain
+        self._prepare()
 
     def read(self, text: str) -> sympy.Expr:
         return parse(text, self.names, self.where)
@@ -96,46 +104,74 @@ class _Settling:
         """Return a function of the state behind the reset."""
         return value.xreplace(self.reset)
 
-    def parts(self) -> tuple[Mode, list[Transition]]:
-        """Return the mode for settling, the last impact, and the ways out of the mode."""
+    def _prepare(self) -> None:
+        """Work out the event's height, its rate and pull along the source, and what the reset does to the rate."""
         import sympy
 
-        t, sign = self.t, -self.t.direction
-        height = self.read(t.event)
-        rate = self.along(height)
-        pull = self.along(rate)
-        back = sympy.cancel(sympy.together(-self.after(rate) / rate)) if rate != 0 else sympy.S.Zero
-        jump = self.after(rate) - rate
-        if rate == 0 or jump == 0:
-            raise DefinitionError(self.where, t.reset, "a reset that turns the velocity of the event back")
-        turn = {
+        self.height = self.read(self.t.event)
+        self.rate = self.along(self.height)
+        self.pull = self.along(self.rate)
+        jump = self.after(self.rate) - self.rate
+        if self.rate == 0 or jump == 0:
+            raise DefinitionError(self.where, self.t.reset, "a reset that turns the velocity of the event back")
+        self.restitution = sympy.cancel(sympy.together(-self.after(self.rate) / self.rate))
+        self.turn = {
             name: sympy.cancel(sympy.together((self.reset[symbol] - symbol) / jump))
             for name, symbol in self.x.items()
             if symbol in self.reset
         }
-        left = t.rest_time
+        left = self.t.rest_time
         if left is None:
             left = _SHARE if self.phase is None else f"{_SHARE * 2.0 * math.pi!r}/({self.phase[1]})"
-        left = self.read(text_of(left, self.where, self.names))
-        pressing = -sign * self.after(pull) * (1 - self.after(back))
-        when = left * pressing - 2 * sign * self.after(rate)
-        slowing = pull * (1 - back) / 2 + self.along(pull) / (3 * pull) * rate
+        self.left = self.read(text_of(left, self.where, self.names))
+
+    def mode(self) -> Mode:
+        """Return the mode in which the velocity of the impacts dies away as their sequence does."""
+        import sympy
+
+        slowing = self.pull * (1 - self.restitution) / 2 + self.along(self.pull) / (3 * self.pull) * self.rate
         # the resting field holds on the surface, without the velocity that dies away
-        still = {self.x[name]: self.x[name] - part * rate for name, part in turn.items()}
-        field = {
-            name: sympy.expand(self.resting[name].xreplace(still)) + turn.get(name, 0) * slowing for name in self.states
+        still = {self.x[name]: self.x[name] - part * self.rate for name, part in self.turn.items()}
+        rates = {
+            name: sympy.expand(self.resting[name].xreplace(still)) + self.turn.get(name, 0) * slowing
+            for name in self.states
         }
-        settling = f"{t.name}_settling"
-        mode = Mode({name: self.text(value) for name, value in field.items()}, self.domain)
+        return Mode({name: self.text(rate) for name, rate in rates.items()}, self.domain)
+
+    def transitions(self) -> list[Transition]:
+        """Return the last impact that is followed, and the ways out of the mode for settling."""
+        import sympy
+
+        t, sign = self.t, -self.t.direction
+        changing = _SLOWLY * self.left * sympy.Abs(self.after(self.along(self.pull)))
+        pressing = (-sign * self.after(self.pull) - changing) * (1 - self.after(self.restitution))
+        when = self.left * pressing - 2 * sign * self.after(self.rate)
+        settling, rests = f"{t.name}_settling", str(t.rests)
         last = replace(
             t, target=settling, when=self.text(when), name=f"{t.name}_last", rests=None, rest_time=None, sums=True
         )
-        assert t.rests is not None
-        return mode, [
-            last,
-            Transition(settling, t.rests, self.text(rate), t.direction),
-            Transition(settling, t.source, self.text(pull), -t.direction),
-        ]
+        out = [Transition(settling, rests, self.text(self.rate), t.direction)]
+        if self.pull.free_symbols & self._varying():
+            out.append(Transition(settling, t.source, self.text(self.pull), -t.direction))
+        return [last, *out]
+
+    def leaving(self, transition: Transition) -> Transition:
+        """Return a transition; one from the resting mode gets the velocity that a motion has a moment behind it.
+
+        Where the surface lets a motion go, height, rate and pull of the event are 0, and rounding alone would decide
+        whether the next impact happens at once.
+        """
+        if (transition.source, transition.target) != (self.t.rests, self.t.source) or transition.reset:
+            return transition
+        moment = self.left * _MOMENT
+        gained = self.along(self.pull) * moment**2 / 2 - self.rate
+        reset = {name: self.text(self.x[name] + part * gained) for name, part in self.turn.items()}
+        return replace(transition, reset=reset)
+
+    def _varying(self) -> set[sympy.Symbol]:
+        import sympy
+
+        return {*self.x.values(), *([] if self.phase is None else [sympy.Symbol(self.phase[0], real=True)])}
 
     def text(self, value: sympy.Expr) -> str:
         return text_of(value, self.where, self.names)

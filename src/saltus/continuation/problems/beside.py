@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["seen_beside"]
 
 
-def seen_beside(problem: OrbitProblem, u: NDArray[np.float64], step: float) -> Neighbour | None:
+def seen_beside(problem: OrbitProblem, u: NDArray[np.float64], step: float, rounds: int = 1) -> Neighbour | None:
     """Return the orbit at a parameter next to that of the orbit `u`, in the signature that a motion there has.
 
-    The motion starts in the middle of the longest segment off all surfaces, and lasts for the orbit's period. None
-    where it does not lead to an orbit.
+    The motion starts in the middle of the longest segment off all surfaces, and lasts for some of the orbit's periods,
+    of which the last one is read. None where it does not lead to an orbit.
 
     Parameters
     ----------
@@ -35,6 +35,8 @@ def seen_beside(problem: OrbitProblem, u: NDArray[np.float64], step: float) -> N
         Its unknowns, and the parameter.
     step : float
         How far the parameter is moved, in its unit.
+    rounds : int, optional
+        How many periods.
     """
     problem, u = whole(problem, u)
     system, n = problem.system, problem.n
@@ -50,13 +52,14 @@ def seen_beside(problem: OrbitProblem, u: NDArray[np.float64], step: float) -> N
         period *= _rate(problem, x, problem.extended) / _rate(problem, x, system.compiled.extended(p))
     fresh = OrbitProblem(system, problem.signature, p, tol=problem.tol)
     try:
-        log = events_after(system, p, x, problem.signature.modes[i], t_end=period)
-        events = np.flatnonzero(log.transition >= 0)
+        log = events_after(system, p, x, problem.signature.modes[i], t_end=rounds * period)
+        last = log.time > (rounds - 1) * period
+        events = np.flatnonzero((log.transition >= 0) & last)
         if not events.size or log.mode_end != problem.signature.modes[i]:
             return None
         wound = None
         if system.phase is not None:
-            wound = 2.0 * math.pi * np.cumsum(log.transition == -1)[events]
+            wound = 2.0 * math.pi * np.cumsum((log.transition == -1) & last)[events]
         signature, guess = cycle_of(log, events, period, wound, problem.signature.turns)
         fresh = OrbitProblem(system, signature, p, tol=problem.tol)
         solved, _ = solve_unknowns(fresh, guess)

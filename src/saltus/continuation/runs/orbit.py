@@ -55,7 +55,8 @@ __all__ = ["OrbitRun", "orbit_columns"]
 _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
 _SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to which it is an equilibrium
 _TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the grazing of another one
-_PROBES = (1e-7, 1e-6, 1e-5, 1e-4)  # shares of the parameter's interval at which an orbit beyond a point is sought
+# Shares of the parameter's interval at which an orbit beyond a point is sought.
+_PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
@@ -279,6 +280,10 @@ class OrbitRun(OneParameterRun):
             half.specials.append(self.found("BE", branch, event, half))
             return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
         leaving = _leaving(branch, event)
+        if self._sums(branch, leaving):
+            half.points.append((branch, point))
+            told = f"{self.place(point)}: the sum of the impacts that accumulate is no longer exact"
+            return self._seen(branch, point, ways=(1.0,), rounds=2) or told
         found = neighbour(branch.problem, leaving, point.u)
         name = type_of_change(branch.problem, leaving, point.u, found)
         if self.control.at_grazing == "pass":
@@ -297,19 +302,33 @@ class OrbitRun(OneParameterRun):
         what = POINT_TYPES[name].meaning
         went = f"{self.place(point)}: {what}, {found}" if isinstance(found, str) else self._switch(found, point, what)
         if isinstance(went, str) and name != "GR":
-            return self._seen(branch, point) or went
+            went = self._seen(branch, point) or went
+        onward = float(point.tangent[-1])
+        if name != "GR" and not isinstance(went, str) and (went[1].parameter - point.parameter) * onward < 0.0:
+            half.specials[-1] = replace(half.specials[-1], of="non-smooth fold")
         return went
 
-    def _seen(self, branch: OrbitZeroProblem, old: Point) -> Going | None:
+    @staticmethod
+    def _sums(branch: OrbitZeroProblem, name: Monitor) -> bool:
+        """Return whether a condition is that under which impacts are summed up, with which no motion changes."""
+        if name.kind != "condition":
+            return False
+        problem = branch.problem
+        return problem.system.transitions[problem.signature.transitions[name.segment]].sums
+
+    def _seen(
+        self, branch: OrbitZeroProblem, old: Point, ways: tuple[float, ...] = (1.0, -1.0), rounds: int = 1
+    ) -> Going | None:
         """Return equations, point and step to go on with beyond a point, by the motion there; None where it shows none.
 
+        ways: onward and back along the parameter, those that are tried. rounds: periods of the motion.
         Next to an AS the branch has a vertical tangent in the duration that vanishes, so no step begins at the point.
         """
         onward = math.copysign(1.0, float(old.tangent[-1]))
         wide = self.interest.high - self.interest.low
         for probe in _PROBES:
-            for sign in (onward, -onward):
-                beside = seen_beside(branch.problem, old.u, sign * probe * wide)
+            for sign in (onward * way for way in ways):
+                beside = seen_beside(branch.problem, old.u, sign * probe * wide, rounds)
                 if beside is None or beside.signature == branch.problem.signature.whole:
                     continue
                 fresh = self.equations(beside.signature, beside.u)
