@@ -66,6 +66,7 @@ class Events(NamedTuple):
     sources: NDArray[np.int64]
     directions: NDArray[np.int64]
     surfaces: NDArray[np.int64]
+    alike: NDArray[np.int64]  # shape (transitions,): the first transition with the same event function
     absent: NDArray[np.int64]  # shape (modes * n,): 1 where a mode lacks a state
     # modes, outputs: counts of modes and of outputs
     modes: int
@@ -143,6 +144,7 @@ def events_of(system: HybridSystem) -> Events:
         sources=np.array([system.mode_index(t.source) for t in system.transitions], dtype=np.int64),
         directions=np.array([t.direction for t in system.transitions], dtype=np.int64),
         surfaces=np.array([_surface(system, t) for t in system.transitions], dtype=np.int64),
+        alike=_alike([transition.event for transition in system.transitions]),
         absent=np.array(
             [int(i in system.absent(mode)) for mode in range(len(system.modes)) for i in range(system.compiled.n)],
             dtype=np.int64,
@@ -151,6 +153,11 @@ def events_of(system: HybridSystem) -> Events:
         outputs=system.compiled.n_outputs,
         phase=system.phase is not None,
     )
+
+
+def _alike(texts: list[str]) -> NDArray[np.int64]:
+    """Return the index of the first text that each text is equal to."""
+    return np.array([texts.index(text) for text in texts], dtype=np.int64)
 
 
 def _surface(system: HybridSystem, transition: Transition) -> int:

@@ -46,7 +46,7 @@ from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature, Survey
 from saltus.orbits.unfolding import Fixed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -303,8 +303,7 @@ class OrbitRun(OneParameterRun):
         went = f"{self.place(point)}: {what}, {found}" if isinstance(found, str) else self._switch(found, point, what)
         if isinstance(went, str) and name != "GR":
             went = self._seen(branch, point) or went
-        onward = float(point.tangent[-1])
-        if name != "GR" and not isinstance(went, str) and (went[1].parameter - point.parameter) * onward < 0.0:
+        if name != "GR" and not isinstance(went, str) and _turns_back(half.points, went[1]):
             half.specials[-1] = replace(half.specials[-1], of="non-smooth fold")
         return went
 
@@ -426,6 +425,14 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
 # Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _NONE = np.empty(0)
 _INADMISSIBLE = Survey(1, False, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, np.empty((0, 3)))
+
+
+def _turns_back(points: Sequence[tuple[OrbitZeroProblem, Point]], beyond: Point) -> bool:
+    """Return whether the parameter goes back behind the last of some points: a non-smooth fold."""
+    if len(points) < 2:
+        return False
+    onward = points[-1][1].parameter - points[-2][1].parameter
+    return float(beyond.tangent[-1]) * onward < 0.0
 
 
 def _ranges(point: Point, count: int) -> NDArray[np.float64]:

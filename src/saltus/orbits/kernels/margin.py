@@ -75,7 +75,9 @@ def margin(view, curve, k, head, transition, before, closed, room, found):
             height[j] = -height[j]
     level = curve.duration > BRIEF * view.period and top - bottom <= LEVEL * reach + 1e-14 * size
     passed = top < -small and view.directions[k] != 0 and view.surfaces[k] == BOUNDARY
-    if k != transition and k != before and (level or passed):
+    ends = transition >= 0 and view.alike[k] == view.alike[transition]
+    begins = before >= 0 and view.alike[k] == view.alike[before]
+    if not ends and not begins and (level or passed):
         holds = held(view, curve, k, room.x, room.one)
         if passed and holds == total + 1:
             bad |= BEYOND
@@ -86,7 +88,7 @@ def margin(view, curve, k, head, transition, before, closed, room, found):
                 found.places[at] = WHOLE
             return bad
     surface = Surface(k, at, sign, height, small, ZERO * (reach + size))
-    more, seen = _touches(view, curve, surface, k == transition, k == before, room, found)
+    more, seen = _touches(view, curve, surface, ends, begins, room, found)
     bad |= more
     return bad | _at_seam(view, curve, surface, seen, room, found) if closed else bad
 

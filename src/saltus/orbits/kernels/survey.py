@@ -124,6 +124,7 @@ def _viewed(system, events, sizes, period):
         pointer(events.sources, 0),
         pointer(events.directions, 0),
         pointer(events.surfaces, 0),
+        pointer(events.alike, 0),
         pointer(events.absent, 0),
         sizes,
         period,
