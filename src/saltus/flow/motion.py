@@ -391,8 +391,12 @@ def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.fl
             allowed = f"in the domain of mode {mode!r}, {system.modes[mode].domain} > 0"
             raise InputError("x0", x.tolist(), allowed, f"it is {value:.6g} there")
         return index
-    if (first := next(allowed_modes(system, x, p), None)) is not None:
-        return first
+    possible = list(allowed_modes(system, x, p))
+    if possible and not _leaves_to_either_side(system, x, p, possible):
+        return possible[0]
+    if possible:
+        names = ", ".join(system.mode_names[index] for index in possible)
+        raise InputError("x0", x.tolist(), "a start with one motion from it", f"pass mode=, one of {names}")
     reasons = []
     for index, name in enumerate(system.mode_names):
         if not (value := domain_value(system, index, x, p)) > 0.0:
@@ -401,6 +405,19 @@ def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.fl
             reasons.append(f"{name}: past its event {passed_event(system, index, x, p)!r}")
     allowed = "in the domain of a mode and before its events"
     raise InputError("x0", x.tolist(), allowed, "; ".join(reasons))
+
+
+def _leaves_to_either_side(
+    system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64], allowed: list[int]
+) -> bool:
+    """Return whether a start lies on a surface along which motions may slide, but leave it here in several modes."""
+    if any(system.modes[system.mode_names[index]].surface is not None for index in allowed) or len(allowed) < 2:
+        return False
+    parameters = dict(zip(system.parameter_names, p.tolist(), strict=True))
+    surfaces = {mode.surface for mode in system.modes.values() if mode.surface is not None}
+    met = {text for text in surfaces if abs(evaluate(system, text, x[None], 0, parameters)[0]) == 0.0}
+    beside = {t.source for t in system.transitions if t.event in met}
+    return sum(system.mode_names[index] in beside for index in allowed) > 1
 
 
 def _check_own(system: HybridSystem, mode: str, x: NDArray[np.float64], p: NDArray[np.float64]) -> None:

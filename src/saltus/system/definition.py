@@ -398,7 +398,8 @@ class Definition:
                 (f"{self.part} {key!r}", text) for text in (*mode.field.values(), mode.domain, mode.surface) if text
             )
         for t in self.transitions:
-            yield from ((f"transition {t.name!r}", text) for text in (t.event, *t.reset.values(), t.when) if text)
+            # of a condition only the sign counts, so that it may choose
+            yield from ((f"transition {t.name!r}", text) for text in (t.event, *t.reset.values()) if text)
         for key, texts in self.conditions.items():
             yield from ((f"{self.part} {key!r}", text) for text in texts)
 

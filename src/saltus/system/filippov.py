@@ -23,6 +23,8 @@ __all__ = ["filippov"]
 
 _ABOVE, _BELOW, _ON = "+", "-", "0"
 _NAMES = {_ABOVE: "above", _BELOW: "below", _ON: "sliding"}  # modes where there is one surface
+_NO_WAY = "no single way on"  # mode in which a motion ends where surfaces meet
+_NOWHERE = "-1"  # domain of a mode in which no motion goes on
 _MOST = 4  # surfaces: there are 2**4 fields then
 
 
@@ -198,10 +200,17 @@ class _Parts:
 
     def __post_init__(self) -> None:
         self.sliding: dict[str, list[sympy.Expr]] = {}
+        agreeing = None
         for word in self.known:
             for i in range(len(word)):
                 if word[i] == _ABOVE and _flipped(word, i) in self.known:
-                    self.sliding[_with(word, i, _ON)] = self._slide(word, i)
+                    slide = self._slide(word, i)
+                    if isinstance(slide, DefinitionError):
+                        agreeing = slide
+                    else:
+                        self.sliding[_with(word, i, _ON)] = slide
+        if agreeing is not None and not self.sliding:
+            raise agreeing
         self.fields = {**self.known, **self.sliding}
 
     def rates(self, word: str) -> tuple[sympy.Expr, sympy.Expr]:
@@ -209,7 +218,8 @@ class _Parts:
         i = word.index(_ON)
         return tuple(self.reader.along(self.heights[i], self.known[_with(word, i, s)]) for s in (_ABOVE, _BELOW))
 
-    def _slide(self, word: str, i: int) -> list[sympy.Expr]:
+    def _slide(self, word: str, i: int) -> list[sympy.Expr] | DefinitionError:
+        """Return the sliding field along surface i; an error, not raised, where both fields agree."""
         import sympy
 
         up, down = self.known[word], self.known[_flipped(word, i)]
@@ -222,7 +232,7 @@ class _Parts:
         if sympy.cancel(fall - rise) == 0:
             wanted = "crossed by the two fields at different rates"
             hint = "the fields agree on it, so nothing slides: two modes and a transition say the same"
-            raise DefinitionError(where, str(h), wanted, hint if sympy.cancel(rise) != 0 else "no field crosses it")
+            return DefinitionError(where, str(h), wanted, hint if sympy.cancel(rise) != 0 else "no field crosses it")
         steep = sum(part**2 for part in gradient)
         back = [self.pull * h * part / steep for part in gradient]
         weight = sympy.cancel(sympy.together(fall / (fall - rise)))
@@ -233,16 +243,56 @@ class _Parts:
             found.append(min(sympy.cancel(slide), slide, key=sympy.count_ops) - off)
         return found
 
+    def _meeting(self, word: str, j: int) -> list[tuple[str, str, sympy.Expr, int, sympy.Expr]]:
+        """Return the transitions where a sliding motion meets surface j: the one way on, or none.
+
+        Each way has conditions: it leads off to the new side of surface j, and stays where it is. Its transition asks
+        for all of them, and that no other way has all of its own.
+        """
+        import sympy
+
+        i, along = word.index(_ON), self.reader.along
+        side = 1 if word[j] == _ABOVE else -1
+        beyond = _flipped(word, j)
+        ways: dict[str, list[sympy.Expr]] = {}
+        if beyond in self.sliding:
+            rise, fall = self.rates(beyond)
+            ways[beyond] = [-rise, fall, -side * along(self.heights[j], self.sliding[beyond])]
+        for sign, up in ((_ABOVE, 1), (_BELOW, -1)):
+            region = _with(beyond, i, sign)
+            if region in self.known:
+                field = self.known[region]
+                ways[region] = [up * along(self.heights[i], field), -side * along(self.heights[j], field)]
+            other = _with(_with(word, i, sign), j, _ON)
+            if other in self.sliding:
+                rise, fall = self.rates(other)
+                ways[other] = [-rise, fall, up * along(self.heights[i], self.sliding[other])]
+        event, way = self.heights[j], -side
+        least = {target: sympy.Min(*conditions) for target, conditions in ways.items()}
+        made = [
+            (word, target, event, way, sympy.Min(value, *(-least[other] for other in ways if other != target)))
+            for target, value in least.items()
+        ]
+        return [*made, (word, _NO_WAY, event, way, sympy.S.One)]
+
     def name(self, word: str) -> str:
-        return _NAMES[word] if len(word) == 1 else word
+        return _NAMES.get(word, word)
 
     def modes(self) -> dict[str, Mode]:
         """Return the modes, regions first."""
         made = {}
         for word, field in self.fields.items():
             surface = self.heights[word.index(_ON)] if _ON in word else None
-            made[self.name(word)] = Mode(dict(zip(self.reader.states, field, strict=True)), surface=surface)
+            domain = _NOWHERE if _ON in word and self._repels(word) else None
+            made[self.name(word)] = Mode(dict(zip(self.reader.states, field, strict=True)), domain, surface)
+        if len(self.heights) > 1:
+            made[_NO_WAY] = Mode(dict.fromkeys(self.reader.states, "0"), _NOWHERE)
         return made
+
+    def _repels(self, word: str) -> bool:
+        """Return whether no motion slides along a surface, whatever the state: a field leads away from it."""
+        rise, fall = self.rates(word)
+        return bool(rise.is_nonnegative or fall.is_nonpositive)
 
     def transitions(self) -> list[Transition]:
         """Return the transitions: from regions into sliding and across, out of sliding, and where surfaces meet."""
@@ -252,16 +302,20 @@ class _Parts:
                 if (other := _flipped(word, i)) in self.known:
                     h, way = self.heights[i], -1 if sign == _ABOVE else 1
                     beyond = -way * self.reader.along(h, self.known[other])
-                    made.append((word, _with(word, i, _ON), h, way, beyond))
+                    if (slides := _with(word, i, _ON)) in self.sliding:
+                        made.append((word, slides, h, way, beyond))
                     made.append((word, other, h, way, -beyond))
         for word in self.sliding:
             i = word.index(_ON)
             rise, fall = self.rates(word)
             made.append((word, _with(word, i, _ABOVE), rise, 1, fall))
             made.append((word, _with(word, i, _BELOW), fall, -1, -rise))
+            for j in range(len(word)):
+                if j != i:
+                    made += self._meeting(word, j)
         varying = {*self.reader.x, self.reader.theta}
         return [
-            Transition(self.name(source), self.name(target), event, way, when=when)
+            Transition(self.name(source), self.name(target), event, way, when=None if when == 1 else when)
             for source, target, event, way, when in made
             if event.free_symbols & varying and not when.is_nonpositive
         ]

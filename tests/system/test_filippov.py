@@ -1,0 +1,112 @@
+"""Filippov systems: modes and transitions of fields that jump on surfaces."""
+
+import numpy as np
+import pytest
+
+import saltus
+from saltus.errors import DefinitionError, InputError
+from sliding import belt, harvested, planar
+
+UP, DOWN = {"x": "1", "y": "-1"}, {"x": "1", "y": "1"}
+
+
+def test_the_sliding_field_is_the_convex_combination():
+    system = planar()
+    parameters = {"mu": 1.2, "c": -6.0}
+    for x in (-0.9, -0.1, 0.03, 0.2):
+        up, down = (system.field(mode, [x, -1.0], parameters=parameters) for mode in ("above", "below"))
+        weight = down[1] / (down[1] - up[1])
+        slides = system.field("sliding", [x, -1.0], parameters=parameters)
+        np.testing.assert_allclose(slides, weight * up + (1.0 - weight) * down, rtol=1e-12, atol=1e-13)
+        assert slides[1] == 0.0
+
+
+def test_the_sliding_field_leads_back_to_the_surface_and_nothing_on_it_depends_on_how_fast():
+    slow, fast = (
+        saltus.filippov(("x", "y"), {"k": k}, surface="y - 0.1*x**2", above=UP, below=DOWN, pull="k") for k in (1, 50)
+    )
+    on = [system.field("sliding", [0.3, 0.009]) for system in (slow, fast)]
+    np.testing.assert_allclose(*on, rtol=1e-12)
+    above = fast.field("sliding", [0.3, 0.009 + 1e-6]) - fast.field("sliding", [0.3, 0.009])
+    rate = float(np.array([-0.06, 1.0]) @ above)
+    assert rate == pytest.approx(-50 * 1e-6, rel=1e-4)
+
+
+def test_a_motion_slides_crosses_and_leaves_where_the_rates_say():
+    motion = saltus.simulate(planar(), {"mu": 1.2}, [1.0, 0.2], t_end=20.0)
+    left = motion.events["after"][motion.events["name"] == "sliding_to_above"]
+    np.testing.assert_allclose(left, [[0.170820393249937, -1.0]] * len(left), atol=1e-9)
+    assert len(left) >= 2
+    crossing = saltus.simulate(belt(), {"w": 0.7}, [1.0, 0.0], periods=5)
+    assert {"above_to_below", "below_to_above"} <= set(crossing.events["name"].tolist())
+
+
+def test_a_start_on_the_surface_takes_the_mode_that_goes_on():
+    assert saltus.simulate(planar(), {"mu": 1.2}, [0.0, -1.0], t_end=0.1).mode_at(0.01) == "sliding"
+    assert saltus.simulate(planar(), {"mu": 1.2}, [1.0, -1.0], t_end=0.1).mode_at(0.01) == "above"
+
+
+def test_a_start_from_which_motions_may_go_either_way_is_refused():
+    repelling = saltus.filippov(("x", "y"), {}, surface="y", above=DOWN, below=UP)
+    with pytest.raises(InputError, match="one motion from it"):
+        saltus.simulate(repelling, {}, [0.0, 0.0], t_end=1.0)
+
+
+def test_a_start_off_the_surface_does_not_slide():
+    with pytest.raises(InputError, match="on the surface of mode 'sliding'"):
+        saltus.simulate(planar(), {}, [0.0, -0.9], mode="sliding", t_end=1.0)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_units_do_not_matter(scale):
+    system = saltus.filippov(
+        ("x", "y"), {"s": scale}, surface="y", above={"x": "s", "y": "-s"}, below={"x": "s", "y": "s"}
+    )
+    motion = saltus.simulate(system, {}, [0.0, scale], t_end=3.0, tolerance=(1e-10, 1e-12 * scale))
+    np.testing.assert_allclose(motion.x_end / scale, [3.0, 0.0], atol=1e-9)
+    assert motion.mode_end == "sliding"
+
+
+def test_a_motion_along_one_surface_crosses_another_one():
+    fields = {
+        "++": {"x": "-1 - y", "y": "-1"}, "-+": {"x": "1 - y", "y": "-1"},
+        "+-": {"x": "-1", "y": "-1"}, "--": {"x": "1", "y": "-1"},
+    }  # fmt: skip
+    system = saltus.filippov(("x", "y"), {}, surfaces=("x", "y"), fields=fields)
+    motion = saltus.simulate(system, {}, [0.2, 0.5], t_end=2.0)
+    assert motion.mode_end == "0-"
+    np.testing.assert_allclose(motion.x_end, [0.0, -1.5], atol=1e-9)
+
+
+def test_a_place_where_surfaces_meet_without_one_way_on_is_told():
+    fields = {a + b: {"x": "-1" if a == "+" else "1", "y": "-1" if b == "+" else "1"} for a in "+-" for b in "+-"}
+    system = saltus.filippov(("x", "y"), {}, surfaces=("x", "y"), fields=fields)
+    with pytest.raises(saltus.SaltusError):
+        saltus.simulate(system, {}, [0.2, 0.5], t_end=2.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"surface": "y"}, "surface=, above= and below="),
+        ({"surface": "y", "above": UP, "below": {"x": "1"}}, "'y' is missing"),
+        ({"surface": "y", "above": UP, "below": {**UP, "q": "1"}}, "a state"),
+        ({"surface": "y", "above": UP, "below": UP}, "the fields agree on it"),
+        ({"surface": "y", "above": {"x": "1", "y": "0"}, "below": {"x": "2", "y": "0"}}, "no field crosses it"),
+        ({"surface": "k", "above": UP, "below": DOWN}, "a function of the state"),
+        ({"surfaces": ("x", "y"), "fields": {"+": UP, "-": DOWN}}, "a text of 2 signs"),
+        ({"surfaces": ("x", "y"), "fields": {"++": UP, "--": DOWN}}, "both sides"),
+        ({"surfaces": ("x",) * 5, "fields": {"+++++": UP}}, "at most 4"),
+    ],
+)
+def test_what_cannot_slide_is_told(given, words):
+    with pytest.raises(DefinitionError, match=words):
+        saltus.filippov(("x", "y"), {"k": 1.0}, **given)
+
+
+def test_a_file_keeps_the_surface_of_a_mode(tmp_path):
+    motion = saltus.simulate(harvested(), {}, [0.3, 1.0], t_end=60.0)
+    motion.save(tmp_path / "motion.nc")
+    again = saltus.load(tmp_path / "motion.nc").system
+    assert again == motion.system
+    assert again.modes["sliding"].surface == motion.system.modes["sliding"].surface
