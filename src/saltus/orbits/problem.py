@@ -29,12 +29,14 @@ _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jaco
 
 _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
 _FEW = 500  # steps of a segment below which stability does not limit them
+_NEAR_ZERO = 1e-3  # least modulus of a state that keeps its sign, over its largest one, from which nothing is asked
+_NEAREST = 1e-12  # the least that is asked for
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
 _FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
 _UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved: they may be unstable
 _REMESHED = 12  # most times that the meshes of one orbit are moved
-_DISCRETISATION = ("mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_decays", "_shares")
+_DISCRETISATION = ("mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares")
 
 
 @dataclass
@@ -81,6 +83,7 @@ class OrbitProblem:
         self._shares = np.ones(self.segments)
         self.state_scale = np.ones(self.n)
         self._atol = self.tol
+        self._nearest = 1.0
         self._worst = 0.0
         self.stiff = False
         self._largest = np.zeros(len(self.system.states))
@@ -146,9 +149,12 @@ class OrbitProblem:
         return None if nearby is None else self.start(u, nearby)
 
     def _set_absolute_tolerance(self) -> None:
-        """Take the absolute tolerance from the states' sizes, next to equilibria above the field's rounding."""
+        """Take the absolute tolerance from the states' sizes, next to equilibria above the field's rounding.
+
+        A state that comes near 0 and keeps its sign grows again from what it is there, which must be exact.
+        """
         least = float(self.state_scale.min())
-        self._atol = self.tol * max(min(1.0, least), _ABOVE_ROUNDING * least)
+        self._atol = self.tol * max(min(1.0, least), _ABOVE_ROUNDING * least) * self._nearest
 
     def _adapted(self, blocks: NDArray[np.float64]) -> list[NDArray[np.float64]] | int:
         """Return each segment's mesh, its steps as long as the tolerance allows; a segment that cannot be followed."""
@@ -265,6 +271,7 @@ class OrbitProblem:
             known[resting] = top
             self._largest[resting] = 100.0 * top
             self.state_scale[: sizes.size] = known
+            self._nearest = _nearest_to_zero(survey.lows[: sizes.size], survey.highs[: sizes.size])
             self._set_absolute_tolerance()
             self._largest = np.maximum(self._largest, sizes)
 
@@ -445,3 +452,13 @@ def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np
     if blocked is not None:
         hint = "the field is singular or the state diverges there"
         raise ConvergenceError(f"flow of segment {blocked}", math.inf, 0, hint)
+
+
+def _nearest_to_zero(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> float:
+    """Return how near a state comes to 0 that keeps its sign, over its largest modulus; 1 where none comes near."""
+    keeps = lows * highs > 0.0
+    if not np.any(keeps):
+        return 1.0
+    ends = np.abs(np.stack([lows[keeps], highs[keeps]]))
+    share = float(np.min(ends.min(axis=0) / ends.max(axis=0)))
+    return 1.0 if share > _NEAR_ZERO else max(share, _NEAREST)
