@@ -36,7 +36,9 @@ _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane
 _FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
 _UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved: they may be unstable
 _REMESHED = 12  # most times that the meshes of one orbit are moved
-_DISCRETISATION = ("mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares")
+_DISCRETISATION = (
+    "mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
+)  # fmt: skip
 
 
 @dataclass

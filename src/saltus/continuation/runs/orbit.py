@@ -57,6 +57,7 @@ _SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to wh
 _TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the grazing of another one
 # Shares of the parameter's interval at which an orbit beyond a point is sought.
 _PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+_SHADOW = 1e-9  # distance in the parameter, over its interval, up to which a fold is the shadow of a change
 _ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
@@ -269,6 +270,8 @@ class OrbitRun(OneParameterRun):
             half.specials.append(self.found(name, branch, replace(event, point=birth), half))
             return self.ends(half, branch, birth, "the period halves")
         if not changes:
+            if name == "SN" and self._same_place(half, branch, point, CHANGES):
+                return None
             if name == "BP":
                 event = replace(event, point=self.sharpened(branch, point))
             half.specials.append(self.found(name, branch, event, half))
@@ -289,6 +292,8 @@ class OrbitRun(OneParameterRun):
         if self.control.at_grazing == "pass":
             half.specials.append(self.found(name, branch, event, half))
             return self.end_at(half, branch, point, name)
+        while half.specials and half.specials[-1].name == "SN" and self._same_place(half, branch, point, ("SN",)):
+            half.specials.pop()
         half.specials.append(self.found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.equations(found.signature, found.u)
@@ -306,6 +311,18 @@ class OrbitRun(OneParameterRun):
         if name != "GR" and not isinstance(went, str) and _turns_back(half.points, went[1]):
             half.specials[-1] = replace(half.specials[-1], of="non-smooth fold")
         return went
+
+    def _same_place(self, half: OneSide, branch: OrbitZeroProblem, point: Point, names: Sequence[str]) -> bool:
+        """Return whether a point is the last special point found, which is of given types.
+
+        Where a duration vanishes the parameter may turn like its square, so that there seems to be a fold.
+        """
+        if not half.specials or half.specials[-1].name not in names:
+            return False
+        last = half.specials[-1]
+        apart = abs(last.solution.parameters[self.name] - point.parameter * self.scale)
+        here = last.after >= len(half.points) - 2
+        return here and apart < _SHADOW * (self.interest.high - self.interest.low) * self.scale
 
     @staticmethod
     def _sums(branch: OrbitZeroProblem, name: Monitor) -> bool:
