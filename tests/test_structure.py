@@ -34,6 +34,7 @@ INNOCENT = {
     "checks.textual",
     "errors",
     "system.definition",
+    "system.mechanics",
     "system.parts",
 }
 """What says no more than whether a definition can be used; the definition itself is in the name of a file."""
