@@ -97,7 +97,8 @@ def lagrangian_field(
     given = {} if forces is None else _forces(forces, pairs, complete=False)
     sub = {} if let is None else dict(_mapping(let, "let", "a mapping of names to expressions"))
     clock = None if phase is None else _clock(phase)
-    reader = _Reader(pairs, [lagrangian, *given.values(), *sub.values(), *(() if clock is None else clock)], sub)
+    named = {"lagrangian": lagrangian, **_named("force of", given), **_named("let", sub)}
+    reader = _Reader(pairs, {**named, "phase": "0" if clock is None else f"{clock[0]} + {clock[1]}"}, sub)
     q, v = reader.symbols(pairs), reader.symbols(pairs.values())
     energy = _short(reader.read(lagrangian, "lagrangian"), v)
     momenta = [_derivative(energy, symbol) for symbol in v]
@@ -155,7 +156,8 @@ def mass_matrix_field(mass: Any, forces: Any, velocities: Any) -> dict[str, str]
     pairs = _pairs(velocities)
     given = _forces(forces, pairs, complete=True)
     rows = _square(mass, len(pairs))
-    reader = _Reader(pairs, [*given.values(), *(entry for row in rows for entry in row)], {})
+    entries = {f"mass[{i}][{j}]": entry for i, row in enumerate(rows) for j, entry in enumerate(row)}
+    reader = _Reader(pairs, {**_named("force of", given), **entries}, {})
     read = [[reader.read(entry, f"mass[{i}][{j}]") for j, entry in enumerate(row)] for i, row in enumerate(rows)]
     for i in range(len(read)):
         for j in range(i):
@@ -243,11 +245,16 @@ def _without_energy(lagrangian: Any, hint: str) -> DefinitionError:
     return DefinitionError("lagrangian", str(lagrangian), wanted, hint)
 
 
+def _named(kind: str, expressions: Mapping[str, Any]) -> dict[str, Any]:
+    """Return expressions by what messages call them."""
+    return {f"{kind} {name!r}": expression for name, expression in expressions.items()}
+
+
 class _Reader:
     """Expressions in names that nobody has declared: all that are not called."""
 
-    def __init__(self, pairs: dict[str, str], expressions: Iterable[Any], let: Mapping[str, Any]) -> None:
-        found = {name for one in expressions for name in _NO_CALL.findall(text_of(one, "expression"))}
+    def __init__(self, pairs: dict[str, str], named: Mapping[str, Any], let: Mapping[str, Any]) -> None:
+        found = {name for where, one in named.items() for name in _NO_CALL.findall(text_of(one, where))}
         # what is spelled in two ways has the spelling of the coordinates, which come last
         plain = sorted(found - {*pairs, *pairs.values(), *let})
         self.names = Names((*plain, *pairs, *pairs.values())).with_let(let)
@@ -310,7 +317,7 @@ def _common_factor(expressions: list[sympy.Expr]) -> sympy.Expr:
     terms = [t.as_powers_dict() for e in expressions if e != 0 for t in sympy.Add.make_args(sympy.expand(e)) if t != 0]
     bases = set(terms[0]).intersection(*terms[1:]) if terms else set()
     exponents = {base: [term[base] for term in terms] for base in bases if not base.is_number}
-    return sympy.Mul(*(base**min(powers) for base, powers in exponents.items() if all(p.is_number for p in powers)))
+    return sympy.Mul(*(base ** min(powers) for base, powers in exponents.items() if all(p.is_number for p in powers)))
 
 
 def _is_singular(matrix: list[list[sympy.Expr]]) -> bool:

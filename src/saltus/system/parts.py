@@ -99,8 +99,8 @@ class Mode:
         Raises
         ------
         DefinitionError
-            The Lagrangian has no kinetic energy in a velocity, or its mass matrix is singular everywhere. A name is that
-            of a coordinate and a velocity. A force is that of no coordinate. A name or an expression cannot be used.
+            The Lagrangian has no kinetic energy in a velocity. Its mass matrix is singular everywhere. A name is that
+            of a coordinate and of a velocity. A force is that of no coordinate. A name or an expression cannot be used.
 
         Notes
         -----
