@@ -33,6 +33,7 @@ INNOCENT = {
     "checks.objects",
     "checks.textual",
     "errors",
+    "system.accelerations",
     "system.definition",
     "system.mechanics",
     "system.parts",

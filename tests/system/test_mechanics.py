@@ -71,6 +71,26 @@ def test_a_chain_of_rods_solves_its_mass_matrix(n):
         assert accelerations(mode, values, x) == pytest.approx(wanted, rel=1e-12, abs=1e-12 * abs(wanted).max())
 
 
+@pytest.mark.parametrize("n", [2, 3])
+def test_angles_between_links_move_as_differences_of_angles_from_below(n):
+    lagrangian, velocities = chain_lagrangian(n)
+    sums = {}
+    for letter in "qv":
+        symbols = sympy.symbols(f"{letter}1:{n + 1}")
+        sums |= {symbol: sum(symbols[: i + 1]) for i, symbol in enumerate(symbols)}
+    mode = Mode.lagrangian(lagrangian.subs(sums, simultaneous=True), velocities)
+    for x in places(2 * n):
+        mass, right = chain_mass_and_forces(np.cumsum(x[:n]), np.cumsum(x[n:]), CHAIN)
+        wanted = np.diff(np.linalg.solve(mass, right), prepend=0.0)
+        size = abs(wanted).max()
+        assert accelerations(mode, CHAIN, x) == pytest.approx(wanted, rel=1e-12, abs=1e-12 * size)
+
+
+def test_three_links_have_a_short_field():
+    lagrangian, velocities = chain_lagrangian(3)
+    assert max(map(len, Mode.lagrangian(lagrangian, velocities).field.values())) < 1000
+
+
 def test_a_double_pendulum_has_the_accelerations_in_print():
     # Neumann, myphysicslab.com: the double pendulum, equations (13) and (14)
     lagrangian, velocities = chain_lagrangian(2)
