@@ -219,6 +219,12 @@ def test_sub_expressions_are_differentiated_too():
     assert accelerations(mode, values, (0.5, 0.0)) == pytest.approx([-2.0 * (0.25 - 0.3) * 2 * 0.5])
 
 
+def test_a_smooth_system_is_made_of_a_mode():
+    system = HybridSystem.smooth(Mode.lagrangian("v**2/2 - k*q**2/2", {"q": "v"}, domain="q + 9"), {"k": 2.0})
+    assert system.states == ("q", "v")
+    assert system.modes["smooth"].domain == "q + 9"
+
+
 def test_a_walker_s_mode_jumps_as_others_do():
     mode = Mode.lagrangian("v**2/2 - g*q", {"q": "v"}, domain="q + 1")
     ball = HybridSystem(
@@ -256,6 +262,7 @@ def test_a_motion_to_where_the_mass_vanishes_ends_with_an_error(start):
         (("v**2", {f"q{i}": f"v{i}" for i in range(6)}), "velocities = 6: must be those of at most 5 coordinates"),
         (("v**2", {"q": "2v"}), "velocity of 'q' = '2v': must be an identifier"),
         ((["v**2"], {"q": "v"}), "lagrangian = .*must be an expression: text, a number or SymPy"),
+        ((sympy.Function("q")(sympy.Symbol("t")), {"q": "v"}), r"lagrangian = 'q\(t\)': .*in place of q\(t\)"),
         (("v**2 + ", {"q": "v"}), "lagrangian = .*must be an expression"),
         (("m(q)*v**2", {"q": "v"}), "lagrangian = .*'m' is unknown"),
         (("v**2/2", {"q": "v"}, {"v": "-c*v"}), "forces = 'v': must be a coordinate: q; .*not of the velocity"),

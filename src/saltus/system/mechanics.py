@@ -88,7 +88,11 @@ def lagrangian_field(
     {'q': 'v', 'v': '-k*q/m'}
     """
     import sympy
+    from sympy.core.function import AppliedUndef
 
+    if isinstance(lagrangian, sympy.Expr) and lagrangian.has(sympy.Derivative, AppliedUndef):
+        wanted = "an expression in symbols of coordinates and velocities"
+        raise DefinitionError("lagrangian", str(lagrangian), wanted, "q and v in place of q(t) and its derivative")
     pairs = _pairs(velocities)
     given = {} if forces is None else _forces(forces, pairs, complete=False)
     sub = {} if let is None else dict(_mapping(let, "let", "a mapping of names to expressions"))
@@ -116,7 +120,8 @@ def lagrangian_field(
     known = {*rates, *v}
     held = Held(
         frozenset(one.name for momentum in momenta for one in momentum.free_symbols - known),
-        frozenset(_NO_CALL.findall(text_of(lagrangian, "lagrangian"))) - set(sub),
+        frozenset(name for one in (lagrangian, *sub.values()) for name in _NO_CALL.findall(text_of(one, "let")))
+        - set(sub),
         clock,
     )
     return _field(pairs, accelerations(mass, right, v)), held
