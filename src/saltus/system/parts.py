@@ -104,9 +104,10 @@ class Mode:
 
         Notes
         -----
-        With the mass matrix M, the second derivatives of L by the velocities, the accelerations solve
-        M v' = dL/dq - d(dL/dv)/dq v - d(dL/dv)/dtheta theta' + Q. All other names in dL/dv are constants; a system in
-        which one of them varies is refused.
+        The mass matrix M has the second derivatives of L by the velocities. With the momenta P = dL/dv and generalised
+        forces Q, accelerations solve M v' = dL/dq - dP/dq v - dP/dtheta theta' + Q.
+
+        All other names in the momenta are constants. A system in which one of them varies is refused.
 
         References
         ----------
