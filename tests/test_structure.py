@@ -33,7 +33,9 @@ INNOCENT = {
     "checks.objects",
     "checks.textual",
     "errors",
+    "system.accelerations",
     "system.definition",
+    "system.mechanics",
     "system.parts",
 }
 """What says no more than whether a definition can be used; the definition itself is in the name of a file."""

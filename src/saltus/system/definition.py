@@ -119,7 +119,7 @@ class Definition:
     def _clean_modes(self, modes: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Mode]:
         """Return the modes with expressions that can be read."""
         given = mapping_of(modes, "modes", "of names to Mode")
-        return {key: clean_mode(key, mode, names) for key, mode in given.items()}
+        return {k: clean_mode(k, mode, names, states=self.all_states, phase=self.phase) for k, mode in given.items()}
 
     @property
     def conditions(self) -> dict[str, tuple[str, ...]]:

@@ -89,7 +89,7 @@ class HybridSystem(CompiledDefinition):
     @classmethod
     def smooth(
         cls,
-        field: Mapping[str, Any],
+        field: Mapping[str, Any] | Mode,
         parameters: Mapping[str, float] | None = None,
         *,
         phase: tuple[str, Any] | None = None,
@@ -103,8 +103,8 @@ class HybridSystem(CompiledDefinition):
 
         Parameters
         ----------
-        field : mapping of str to expression
-            The states, in this order, and their time derivatives.
+        field : mapping of str to expression, or Mode
+            The states, in this order, and their time derivatives; or a mode that has them.
         parameters : mapping of str to float, optional
             Parameters and their default values.
         phase : (str, expression), optional
@@ -139,9 +139,10 @@ class HybridSystem(CompiledDefinition):
             x' = y
             y' = -k*x
         """
-        rates = mapping_of(field, "field", "of states to expressions")
+        mode = field if isinstance(field, Mode) else Mode(mapping_of(field, "field", "of states to expressions"))
+        rates = mapping_of(mode.field, "field", "of states to expressions")
         values = {} if parameters is None else parameters
-        modes = {"smooth": Mode(rates)}
+        modes = {"smooth": mode}
         return cls(
             tuple(rates), values, modes, phase=phase, outputs=outputs, positive=positive, let=let, angles=angles,
             name=name,

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ClassVar, ParamSpec, Self, TypeVar
 
 import numpy as np
 
 from saltus import checks
 from saltus.errors import DefinitionError, InputError
 from saltus.system.expressions import Names, check_name, text_of
+from saltus.system.mechanics import Held, lagrangian_field, mass_matrix_field
 
 __all__ = [
     "Mode",
@@ -65,6 +66,109 @@ class Mode:
     domain: Any = None
     surface: Any = None
     states: Sequence[str] | None = None
+    _held: ClassVar[Held | None] = None  # of a mode that `lagrangian` has made
+
+    @classmethod
+    def lagrangian(
+        cls,
+        lagrangian: Any,
+        velocities: Mapping[str, str],
+        forces: Mapping[str, Any] | None = None,
+        *,
+        phase: tuple[str, Any] | None = None,
+        let: Mapping[str, Any] | None = None,
+        domain: Any = None,
+    ) -> Self:
+        """Return a mode whose field follows from a Lagrangian, kinetic minus potential energy.
+
+        Parameters
+        ----------
+        lagrangian : expression
+            Function of coordinates, velocities and parameters, and of the phase.
+        velocities : mapping of str to str
+            The velocity of each coordinate, up to 5 of them.
+        forces : mapping of str to expression, optional
+            Generalised forces that are not in the Lagrangian, by coordinate, such as friction and torques of motors.
+        phase : (str, expression), optional
+            The phase of the system, if moments of a moving support depend on it.
+        let : mapping of str to expression, optional
+            Names of sub-expressions of the Lagrangian, as in `HybridSystem`.
+        domain : expression, optional
+            As in `Mode`.
+
+        Returns
+        -------
+        Mode
+
+        Raises
+        ------
+        DefinitionError
+            The Lagrangian has no kinetic energy in a velocity. Its mass matrix is singular everywhere. A name is that
+            of a coordinate and of a velocity. A force is that of no coordinate. A name or an expression cannot be used.
+
+        Notes
+        -----
+        The mass matrix M has the second derivatives of L by the velocities. With the momenta P = dL/dv and generalised
+        forces Q, accelerations solve M v' = dL/dq - dP/dq v - dP/dtheta theta' + Q.
+
+        All other names in the momenta are constants. A system in which one of them varies is refused.
+
+        References
+        ----------
+        H. Goldstein, C. Poole, J. Safko, Classical Mechanics, 3rd ed., Addison-Wesley 2002, sections 1.4 and 1.5.
+
+        Examples
+        --------
+        >>> Mode.lagrangian("m*l**2*v**2/2 + m*g*l*cos(q)", {"q": "v"}, {"q": "-c*v"})
+        Mode(q' = v, v' = -(c*v/(l*m) + g*sin(q))/l)
+        """
+        rates, held = lagrangian_field(lagrangian, velocities, forces, phase, let)
+        mode = cls(rates, domain)
+        object.__setattr__(mode, "_held", held)
+        return mode
+
+    @classmethod
+    def mass_matrix(
+        cls,
+        mass: Sequence[Sequence[Any]],
+        forces: Mapping[str, Any] | Sequence[Any],
+        velocities: Mapping[str, str],
+        *,
+        domain: Any = None,
+    ) -> Self:
+        """Return a mode whose accelerations solve M(q) q'' = f.
+
+        Parameters
+        ----------
+        mass : sequence of sequences of expression
+            The mass matrix M, symmetric, in the order of `velocities`.
+        forces : mapping of str to expression, or sequence of expression
+            The right-hand sides f, by coordinate or in the order of `velocities`.
+        velocities : mapping of str to str
+            The velocity of each coordinate, up to 5 of them.
+        domain : expression, optional
+            As in `Mode`.
+
+        Returns
+        -------
+        Mode
+
+        Raises
+        ------
+        DefinitionError
+            The matrix is not square, not symmetric, or singular everywhere. A name is a coordinate and a velocity. A
+            force is missing, or that of no coordinate. A name or an expression cannot be used.
+
+        References
+        ----------
+        H. Goldstein, C. Poole, J. Safko, Classical Mechanics, 3rd ed., Addison-Wesley 2002, section 6.2.
+
+        Examples
+        --------
+        >>> Mode.mass_matrix([["m + M", "m"], ["m", "m"]], {"x": "F", "y": "-k*y"}, {"x": "u", "y": "v"})
+        Mode(x' = u, y' = v, u' = (F + k*y)/M, v' = (-F - k*y*(M + m)/m)/M)
+        """
+        return cls(mass_matrix_field(mass, forces, velocities), domain)
 
     def __repr__(self) -> str:
         text = repr(self.field)
@@ -222,13 +326,17 @@ def clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:
     return low, high
 
 
-def clean_mode(key: str, mode: Mode, names: tuple[str, ...], part: str = "mode") -> Mode:
-    """Return a mode whose expressions are texts that can be read."""
+def clean_mode(
+    key: str, mode: Mode, names: tuple[str, ...], part: str = "mode", *, states: Collection[str] = (), phase: Any = None
+) -> Mode:
+    """Return a mode whose expressions are texts that can be read; `states` are all that vary in time."""
     where = f"{part} {key!r}"
     if not isinstance(mode, Mode):
         raise DefinitionError(where, mode, "a Mode")
     if not isinstance(mode.field, Mapping):
         raise DefinitionError(where, mode.field, "a mapping of each state to its rate as the field")
+    if mode._held is not None:
+        mode._held.check(where, states, phase, getattr(names, "let", ()))
     field_ = {name: text_of(rate, where, names) for name, rate in mode.field.items()}
     domain, surface = (None if part is None else text_of(part, where, names) for part in (mode.domain, mode.surface))
     return Mode(field_, domain, surface, None if mode.states is None else names_of(mode.states, where))

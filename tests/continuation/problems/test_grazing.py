@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from sliding import ADDING, CROSSING, GRAZING, SWITCHING, belt, harvested, limit_of_sticking, planar, relay
 
 import saltus
 from saltus import Mode, Transition
+from sliding import ADDING, CROSSING, GRAZING, SWITCHING, belt, harvested, limit_of_sticking, planar, relay
 
 WORDS = {"below": "M", "above": "P", "sliding": "S"}
 BELT = {"AS": ADDING, "SS": SWITCHING, "GS": GRAZING, "CS": CROSSING}
