@@ -38,12 +38,12 @@ def message(*args, **kwargs):
     return str(caught.value)
 
 
-def test_a_users_event_has_no_locus(branch):
+def test_a_parameter_that_a_user_asks_for_has_no_locus(branch):
     event = branch.special_points.of_type("a")[0]
     said = message(event, PAIR, BOUNDS)
     assert said == (
-        "start = 'a': must be a point of type SN, PD, TR, BP, GR, CP, GPD, CH, R1, R2, R3, R4, FF; "
-        "no locus belongs to a user's event"
+        "start = 'a': must be a point at which a quantity of the solution has its value; "
+        "a parameter keeps its value along a straight line"
     )
 
 

@@ -78,6 +78,9 @@ def continue_locus(
 ) -> Locus | EquilibriumLocus | MapLocus:
     """Return the locus of critical orbits or equilibria through a special point, as two parameters vary.
 
+    At a point of a user's event, as ``events={"min_z": 0.1}`` of a branch records it, the locus has the solutions of
+    which the quantity keeps its value.
+
     Every point is a corrected critical orbit. A multiplier is 1 (SN), -1 (PD) or on the unit circle (TR), a contact is
     tangential (GR), or branches meet (BP). An equilibrium has an eigenvalue 0 (SN), an imaginary pair (HB), or lies on
     a boundary of its mode (BE). An orbit of a map has a point on a border (BC) in place of a contact. Points of
@@ -158,8 +161,10 @@ def _type_of(point: SpecialPoint[Any] | None, solution: Any, run: type[TwoParame
         what = f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
         raise InputError("start", what, f"a special point, or {solution.noun} with its type", "type='SN'")
     kind = run.loci.get(point.type, point.locus if point.type == "TP" else None)
+    if kind is None and point.type not in POINT_TYPES:
+        run.check_quantity(point)
+        return point.type
     if kind is None:
-        allowed = f"a point of type {', '.join(run.loci)}"
-        hint = "no locus belongs to " + ("this type" if point.type in POINT_TYPES else "a user's event")
-        raise InputError("start", point.type, allowed, hint)
+        allowed = f"a point of type {', '.join(run.loci)}, or of a user's event"
+        raise InputError("start", point.type, allowed, "no locus belongs to this type")
     return kind

@@ -64,7 +64,7 @@ def plot_locus(
     for stretch in stretches:
         options = dict(style.LINES[stretch.kind])
         if stretch.kind not in style.FAULTY:
-            options["color"] = style.SPECIAL[locus.type].colour
+            options["color"] = style.SPECIAL.get(locus.type, style.EVENT).colour
         label = "_" if stretch.kind in named else _meaning(locus, stretch.kind)
         ax.plot(*stretch.places, label=label, **options)
         named.add(stretch.kind)
@@ -98,7 +98,9 @@ def _draw_legend(ax: Axes, above: bool) -> None:
 def _meaning(locus: TwoParameters[Any], stability: str) -> str:
     if stability in style.FAULTY:
         return stability
-    known = f"{locus.type}, {style.SPECIAL[locus.type].meaning}"
+    known = (
+        f"{locus.type}, {style.SPECIAL[locus.type].meaning}" if locus.type in style.SPECIAL else f"{locus.type} kept"
+    )
     return known + (f", of unstable {locus.counted}" if stability == "unstable" else "")
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from saltus.algebraic.conditions import Singular, Vanishing
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.point_types import CHANGES
+from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.problems.grazing import Neighbour, neighbour, touching
 from saltus.continuation.problems.margins import run_out
 from saltus.equilibria import Equilibrium
@@ -23,9 +23,12 @@ from saltus.errors import InputError
 from saltus.maps import MapOrbit
 from saltus.maps.critical import Rotation
 from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing, TorusCondition, vanishing_segment
+from saltus.orbits.keeping import Keeping
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.quantities import read_quantity
 from saltus.orbits.signature import WHOLE, Signature
+from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,6 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CriticalOrbit", "critical_condition"]
 
+_DIFFERENCE = 1e-5  # change of an unknown, over its size, in differences of an output
 _CRITICAL = 1e-3  # distance of a start from its critical condition up to which it is taken for critical
 
 
@@ -42,7 +46,8 @@ _CRITICAL = 1e-3  # distance of a start from its critical condition up to which 
 class CriticalOrbit:
     """A critical orbit with some parameters active."""
 
-    kind: str  # ``SN``, ``PD``, ``TR``, ``BP``, or a type at which the signature changes
+    # ``SN``, ``PD``, ``TR``, ``BP``, a type at which the signature changes, or a quantity that keeps its value
+    kind: str
     orbit: PeriodicOrbit
     names: tuple[str, ...]  # the active parameters, in the system's order
     # scales, values: shape (active,): their units, and their values in these
@@ -65,6 +70,9 @@ class CriticalOrbit:
             problem, u, condition = self._grazing()
             return problem, u, condition, np.empty(0)
         problem, u = self.problem(self.orbit.form, self.orbit.unknowns)
+        if self.kind not in POINT_TYPES:
+            quantity = read_quantity(self.orbit.system, self.kind)
+            return problem, u, Keeping(problem, quantity, quantity.value(problem, u)), np.empty(0)
         return problem, u, *self._condition(problem, u)
 
     def problem(self, signature: Signature, unknowns: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:
@@ -156,6 +164,31 @@ class CriticalOrbit:
         return problem, u, Grazing(problem, *found)
 
 
+def _keeping(problem: Any, mode: int, u: NDArray[np.float64], name: str) -> Vanishing:
+    """Return the condition that a state or an output keeps its value, which it has at the first point of `u`."""
+    system, count = problem.system, len(problem.system.states)
+
+    def value(v: NDArray[np.float64]) -> float:
+        parameters = dict(zip(system.parameter_names, problem.parameters_at(v).tolist(), strict=True))
+        return float(evaluate(system, name, v[None, :count], mode, parameters)[0])
+
+    goal = value(u)
+    unit = abs(goal) or 1.0
+
+    def function(v: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        gradient = np.zeros(v.size)
+        if name in system.states:
+            gradient[system.states.index(name)] = 1.0
+        else:
+            for k in (*range(count), *range(problem.n, v.size)):
+                step = np.zeros(v.size)
+                step[k] = _DIFFERENCE * max(abs(float(v[k])), 1e-3 if k >= problem.n else 0.0) or _DIFFERENCE
+                gradient[k] = (value(v + step) - value(v - step)) / (2.0 * step[k])
+        return (value(v) - goal) / unit, gradient / unit
+
+    return Vanishing(function, name)
+
+
 @singledispatch
 def critical_condition(
     solution: Solution, kind: str, problem: Any, u: NDArray[np.float64], sizes: NDArray[np.float64]
@@ -187,6 +220,8 @@ def critical_condition(
 def _(
     solution: Equilibrium, kind: str, problem: Any, u: NDArray[np.float64], sizes: NDArray[np.float64]
 ) -> tuple[Condition, NDArray[np.float64]]:
+    if kind not in POINT_TYPES:
+        return _keeping(problem, problem.mode, u, kind), np.empty(0)
     values = solution.eigenvalues
     A = problem.evaluate(u)[1][:, : problem.n]
     top = max(float(np.linalg.norm(A * sizes / sizes[:, None], 2)), 1e-300)
@@ -227,6 +262,8 @@ def _check_critical(kind: str, solution: Equilibrium, distance: float, wanted: s
 def _(
     solution: MapOrbit, kind: str, problem: Any, u: NDArray[np.float64], sizes: NDArray[np.float64]
 ) -> tuple[Condition, NDArray[np.float64]]:
+    if kind not in POINT_TYPES:
+        return _keeping(problem, problem.itinerary[0], u, kind), np.empty(0)
     values = solution.multipliers
     if kind == "SN":
         _check_multipliers(kind, solution, float(np.abs(values - 1.0).min()), "a multiplier 1")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor, at_grazing
-from saltus.continuation.core.point_types import CHANGES
+from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.problems.guards import residual_fault, unconfirmed
@@ -264,7 +264,7 @@ class LocusZeroProblem:
 
         With `only`, monitors that are not asked for may be left out. Without a survey there are no data.
         """
-        kind = "GR" if self.kind in CHANGES else self.kind
+        kind = "GR" if self.kind in CHANGES else self.kind if self.kind in POINT_TYPES else "value"
         return getattr(self, f"_at_{kind}")(point, survey, only)  # type: ignore[no-any-return]
 
     def _data(
@@ -342,6 +342,12 @@ class LocusZeroProblem:
         )
         rough.start(u)
         return rough, rough.resolve(u)[1]
+
+    def _at_value(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
+        u = self.orbit(point.u)
+        signs = {Monitor("SN"): 1.0, Monitor("PD"): -1.0}
+        found = {name: self._determinant(name, mu, self.problem, u, self._J) for name, mu in signs.items()}
+        return found, self._data(survey, u, math.nan, math.nan)
 
     def _at_BP(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         found = {Monitor("unfolded"): float(point.u[self.problem.size])}

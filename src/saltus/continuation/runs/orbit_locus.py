@@ -23,10 +23,13 @@ from saltus.continuation.runs.two_parameters import TwoParameterRun, locus_run
 from saltus.continuation.runs.two_sided import Found, OneSide
 from saltus.errors import InputError
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.quantities import read_quantity
 from saltus.orbits.signature import DIRECTION, DURATION, WHEN
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from saltus.continuation.results.special_points import SpecialPoint
 
 __all__ = ["OrbitLocusRun"]
 
@@ -54,6 +57,15 @@ class OrbitLocusRun(TwoParameterRun):
         """See `TwoParameterRun.check`."""
         if solution.fixed is not None and solution.fixed.family:
             raise InputError("start", "one of a family of orbits", "an orbit that is isolated at its parameters")
+
+    @classmethod
+    def check_quantity(cls, point: SpecialPoint[PeriodicOrbit]) -> None:
+        """See `TwoParameterRun.check_quantity`."""
+        super().check_quantity(point)
+        if point.type in point.orbit.min:
+            low, high = f"min_{point.type}", f"max_{point.type}"
+            raise InputError("start", point.type, f"a point of an event {low} or {high}", "which of both is not known")
+        read_quantity(point.orbit.system, point.type)
 
     def locus(self) -> Locus:
         """See `TwoParameterRun.locus`."""

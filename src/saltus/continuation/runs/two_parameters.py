@@ -80,6 +80,13 @@ class TwoParameterRun(Run):
         return (*(name for name in cls.loci if name not in own), "TP", *own)
 
     @classmethod
+    def check_quantity(cls, point: SpecialPoint[Any]) -> None:
+        """Raise `InputError` where the quantity of a user's event has no locus, as a parameter."""
+        if point.type in point.solution.system.parameter_names:
+            wanted = "a point at which a quantity of the solution has its value"
+            raise InputError("start", point.type, wanted, "a parameter keeps its value along a straight line")
+
+    @classmethod
     def check(cls, solution: Any) -> None:
         """Raise `InputError` where no locus starts at a solution, whatever its type."""
         return
