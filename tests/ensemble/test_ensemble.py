@@ -18,9 +18,9 @@ from saltus.ensemble import ensemble as engine
 from saltus.ensemble.ensemble import Ensemble
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import InputError, SaltusError
-from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate
 from saltus.flow.simulation import simulate
+from saltus.flow.starting import starting_mode
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 from selection import guarding
 

@@ -18,7 +18,8 @@ from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
 from saltus.flow.event_logs import events_after
-from saltus.flow.motion import jumps_at_phase_zero, starting_mode
+from saltus.flow.motion import jumps_at_phase_zero
+from saltus.flow.starting import starting_mode
 from saltus.flow.variational import Average, Growth, growth_along
 from saltus.system.angles import refuse
 from saltus.work import processors, starting

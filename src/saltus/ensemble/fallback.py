@@ -9,9 +9,9 @@ import numpy as np
 
 from saltus.ensemble.labels import DIVERGED, UNDECIDED
 from saltus.errors import DivergenceError, SaltusError, StickingError
-from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate
 from saltus.flow.simulation import simulate
+from saltus.flow.starting import starting_mode
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

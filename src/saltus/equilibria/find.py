@@ -10,7 +10,7 @@ from saltus.algebraic.newton import solve_zero, why_none
 from saltus.equilibria.equilibrium import Equilibrium
 from saltus.equilibria.problem import EquilibriumProblem, check_autonomous
 from saltus.errors import ConvergenceError
-from saltus.flow.motion import starting_mode
+from saltus.flow.starting import starting_mode
 from saltus.system import HybridSystem
 from saltus.system.angles import wrapped
 from saltus.system.maps import flowing

@@ -11,17 +11,13 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
 from saltus.flow.sticking import sticking_surface
-from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import ArrayLike, NDArray
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["EventDrivenMotion", "allowed_modes", "check_tolerances", "domain_value", "how_long", "passed_event",
-           "start_state", "starting_mode", "tolerances_of"]  # fmt: skip
+__all__ = ["EventDrivenMotion", "check_tolerances", "how_long", "jumps_at_phase_zero", "start_state", "tolerances_of"]
 
 _TWO_PI = 2.0 * math.pi
 _EVENTS_KEPT = 1024  # events between two clearances of their buffer
@@ -29,8 +25,6 @@ _BUDGET = 1 << 16  # steps of one call of the kernel
 _MOST = np.iinfo(np.int64).max  # a count that is never reached
 _WATCHED = 2048  # steps tried between two looks at whether a motion sticks
 _HUGE = 1e250  # value beyond which an event function is not finite: sums of some of its values overflow
-_APART = 1e-3  # change of a state, over its size, by which a surface's slope is looked at
-_ON_SURFACE = 1e-8  # distance from a surface, over its variation with the states' sizes, up to which a state is on it
 _LOOKS = 3  # looks in a row at which a motion that sticks is held
 
 
@@ -369,94 +363,3 @@ def how_long(system: HybridSystem, periods: int | None, t_end: float | None) -> 
     if periods is not None and system.phase is None:
         raise InputError("periods", periods, "left out for a system without a phase", "give t_end")
     return math.inf if t_end is None else checks.positive("t_end", t_end), periods
-
-
-def domain_value(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> float:
-    """Return the domain function of a mode, positive where its field is defined."""
-    out = np.empty(1)
-    system.compiled.call("guard", mode, 0, x, system.compiled.extended(p), out)
-    return float(out[0])
-
-
-def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64], mode: str | None = None) -> int:
-    """Return the index of the mode in which a motion starts at x.
-
-    That is `mode`, in whose domain x must lie; by default the first whose domain holds there and none of whose events
-    that lead to another mode is passed.
-    """
-    if mode is not None:
-        index = system.mode_index(mode)
-        _check_own(system, mode, x, p)
-        if not (value := domain_value(system, index, x, p)) > 0.0:
-            allowed = f"in the domain of mode {mode!r}, {system.modes[mode].domain} > 0"
-            raise InputError("x0", x.tolist(), allowed, f"it is {value:.6g} there")
-        return index
-    possible = list(allowed_modes(system, x, p))
-    if possible and not _leaves_to_either_side(system, x, p, possible):
-        return possible[0]
-    if possible:
-        names = ", ".join(system.mode_names[index] for index in possible)
-        raise InputError("x0", x.tolist(), "a start with one motion from it", f"pass mode=, one of {names}")
-    reasons = []
-    for index, name in enumerate(system.mode_names):
-        if not (value := domain_value(system, index, x, p)) > 0.0:
-            reasons.append(f"{name}: {system.modes[name].domain} is {value:.6g}, not positive")
-        else:
-            reasons.append(f"{name}: past its event {passed_event(system, index, x, p)!r}")
-    allowed = "in the domain of a mode and before its events"
-    raise InputError("x0", x.tolist(), allowed, "; ".join(reasons))
-
-
-def _leaves_to_either_side(
-    system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64], allowed: list[int]
-) -> bool:
-    """Return whether a start lies on a surface along which motions may slide, but leave it here in several modes."""
-    if any(system.modes[system.mode_names[index]].surface is not None for index in allowed) or len(allowed) < 2:
-        return False
-    parameters = dict(zip(system.parameter_names, p.tolist(), strict=True))
-    surfaces = {mode.surface for mode in system.modes.values() if mode.surface is not None}
-    met = {text for text in surfaces if abs(evaluate(system, text, x[None], 0, parameters)[0]) == 0.0}
-    beside = {t.source for t in system.transitions if t.event in met}
-    return sum(system.mode_names[index] in beside for index in allowed) > 1
-
-
-def _check_own(system: HybridSystem, mode: str, x: NDArray[np.float64], p: NDArray[np.float64]) -> None:
-    """Raise `InputError` where a state has what its mode lacks, or is off the surface along which the mode slides."""
-    if np.any(x[(absent := system.absent(system.mode_index(mode)))] != 0.0):
-        names = ", ".join(system.states[i] for i in absent)
-        raise InputError("x0", x.tolist(), f"of the states of mode {mode!r}", f"it lacks {names}")
-    surface = system.modes[mode].surface
-    if surface is None:
-        return
-    parameters = dict(zip(system.parameter_names, p.tolist(), strict=True))
-    near = np.vstack([x, x + np.diag(_APART * np.abs(x))])
-    heights = evaluate(system, surface, near, system.mode_index(mode), parameters)
-    if not abs(heights[0]) <= _ON_SURFACE * float(np.abs(heights[1:] - heights[0]).sum()) / _APART:
-        allowed = f"on the surface of mode {mode!r}, {surface} = 0"
-        raise InputError("x0", x.tolist(), allowed, f"it is {heights[0]:.6g} there")
-
-
-def allowed_modes(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> Iterator[int]:
-    """Go through the indices of the modes in which a motion may start at x."""
-    for index in range(len(system.modes)):
-        if np.any(x[system.absent(index)] != 0.0):
-            continue
-        if domain_value(system, index, x, p) > 0.0 and not passed_event(system, index, x, p):
-            yield index
-
-
-def passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> str:
-    """Return the name of a transition to another mode whose event is passed already; nothing where none is."""
-    compiled, event, when = system.compiled, np.empty(2), np.empty(1)
-    extended = compiled.extended(p)
-    for k, transition in enumerate(system.transitions):
-        if system.mode_names.index(transition.source) != mode or transition.target == transition.source:
-            continue
-        if system.at_phases(transition):  # it comes again
-            continue
-        compiled.call("event", k, 0, x, extended, event)
-        side = event[0] if event[0] != 0.0 else event[1]
-        compiled.call("guard", len(system.modes) + k, 0, x, extended, when)
-        if side * transition.direction > 0.0 and when[0] > 0.0:
-            return transition.name
-    return ""

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.flow.motion import EventDrivenMotion, check_tolerances, domain_value, passed_event, start_state
+from saltus.flow.motion import EventDrivenMotion, check_tolerances, start_state
+from saltus.flow.starting import domain_value, passed_event
 from saltus.flow.taylor import ORDER, STEPS_A_RETURN, TaylorRun
 from saltus.result import frozen
 

@@ -40,8 +40,9 @@ import numpy as np
 from saltus import checks
 from saltus.flow.event_tables import event_table
 from saltus.flow.landings import warn_of
-from saltus.flow.motion import EventDrivenMotion, how_long, start_state, starting_mode, tolerances_of
+from saltus.flow.motion import EventDrivenMotion, how_long, start_state, tolerances_of
 from saltus.flow.sizes import RTOL, followed_in_size
+from saltus.flow.starting import starting_mode
 from saltus.flow.trajectory import Trajectory
 from saltus.result import frozen
 from saltus.system.hybrid import HybridSystem

@@ -140,7 +140,7 @@ def _found(
     system: HybridSystem | Map, parameters: Mapping[str, float] | None, x0: ArrayLike, mode: str | None,
     settle: float | None, tolerance: float,
 ) -> PeriodicOrbit | MapOrbit:  # fmt: skip
-    from saltus.flow.motion import passed_event, starting_mode
+    from saltus.flow.starting import passed_event, starting_mode
 
     system = flowing(system)
     tol = check_tol(tolerance)

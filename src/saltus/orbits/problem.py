@@ -12,7 +12,7 @@ import numpy as np
 from saltus.errors import ConvergenceError
 from saltus.orbits.meshes import adapted, decays, halved, limited_by_stability, steady
 from saltus.orbits.records import Orbit, events_of
-from saltus.orbits.resting import at_rest, sizes_nearby
+from saltus.orbits.resting import at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jaco
 
 _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
 _FEW = 500  # steps of a segment below which stability does not limit them
-_NEAR_ZERO = 1e-3  # least modulus of a state that keeps its sign, over its largest one, from which nothing is asked
-_NEAREST = 1e-12  # the least that is asked for
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
 _FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
@@ -229,19 +227,6 @@ class OrbitProblem:
         self.system.compiled.call("event_x", transition, 0, np.ascontiguousarray(x), self.extended, gradient)
         return float(np.abs(gradient[2 : 2 + self.n]) @ self.state_scale)
 
-    def condition_size(self, transition: int, x: NDArray[np.float64]) -> float:
-        """Return how much the condition of a transition varies near a full state with the states' sizes."""
-        here, there = np.empty(1), np.empty(1)
-        place, compiled = len(self.system.modes) + transition, self.system.compiled
-        compiled.call("guard", place, 0, np.ascontiguousarray(x), self.extended, here)
-        total = 0.0
-        for k, size in enumerate((_STEP * self.state_scale).tolist()):
-            moved = x.copy()
-            moved[k] += size
-            compiled.call("guard", place, 0, moved, self.extended, there)
-            total += abs(float(there[0] - here[0]))
-        return total / _STEP
-
     def flow_at_start(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vector field where the first segment starts, shape (n,)."""
         self.set_parameters(u)
@@ -273,7 +258,7 @@ class OrbitProblem:
             known[resting] = top
             self._largest[resting] = 100.0 * top
             self.state_scale[: sizes.size] = known
-            self._nearest = _nearest_to_zero(survey.lows[: sizes.size], survey.highs[: sizes.size])
+            self._nearest = nearest_to_zero(survey.lows[: sizes.size], survey.highs[: sizes.size])
             self._set_absolute_tolerance()
             self._largest = np.maximum(self._largest, sizes)
 
@@ -454,13 +439,3 @@ def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np
     if blocked is not None:
         hint = "the field is singular or the state diverges there"
         raise ConvergenceError(f"flow of segment {blocked}", math.inf, 0, hint)
-
-
-def _nearest_to_zero(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> float:
-    """Return how near a state comes to 0 that keeps its sign, over its largest modulus; 1 where none comes near."""
-    keeps = lows * highs > 0.0
-    if not np.any(keeps):
-        return 1.0
-    ends = np.abs(np.stack([lows[keeps], highs[keeps]]))
-    share = float(np.min(ends.min(axis=0) / ends.max(axis=0)))
-    return 1.0 if share > _NEAR_ZERO else max(share, _NEAREST)

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
     from saltus.system import HybridSystem
 
-__all__ = ["RESTING", "at_rest", "sizes_nearby"]
+_NEAR_ZERO = 1e-3  # least modulus of a state that keeps its sign, over its largest one, from which nothing is asked
+_NEAREST = 1e-12  # the least that is asked for
+__all__ = ["RESTING", "at_rest", "nearest_to_zero", "sizes_nearby"]
 
 RESTING = 1e-9  # size of a state, over the largest one's, below which it rests at zero unless another one moves it
 _NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
@@ -90,3 +92,13 @@ def _at_origin(problem: Equations, u: NDArray[np.float64], size: float) -> bool:
         origin[i : problem.size : problem.n + 1] = 0.0
     gaps = problem.evaluate(origin)[0].reshape(problem.segments, problem.n + 1)[:, : len(problem.system.states)]
     return bool(np.max(np.abs(gaps)) <= _NEARBY * size)
+
+
+def nearest_to_zero(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> float:
+    """Return how near a state comes to 0 that keeps its sign, over its largest modulus; 1 where none comes near."""
+    keeps = lows * highs > 0.0
+    if not np.any(keeps):
+        return 1.0
+    ends = np.abs(np.stack([lows[keeps], highs[keeps]]))
+    share = float(np.min(ends.min(axis=0) / ends.max(axis=0)))
+    return 1.0 if share > _NEAR_ZERO else max(share, _NEAREST)

@@ -14,8 +14,9 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
-from saltus.flow.motion import starting_mode, tolerances_of
+from saltus.flow.motion import tolerances_of
 from saltus.flow.sizes import ATOL, fitting_atol
+from saltus.flow.starting import starting_mode
 from saltus.flow.variational import BATCHES, CONFIDENCE, Average, Growth, growth_along
 from saltus.maps.growth import growth_of_map
 from saltus.result import Result, frozen

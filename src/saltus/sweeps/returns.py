@@ -12,10 +12,11 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
-from saltus.flow.motion import EventDrivenMotion, starting_mode, tolerances_of
+from saltus.flow.motion import EventDrivenMotion, tolerances_of
 from saltus.flow.poincare import EventSection, PoincareReturns, admits, iterate
 from saltus.flow.simulation import simulate
 from saltus.flow.sizes import fitting_atol
+from saltus.flow.starting import starting_mode
 from saltus.flow.variational import Average, Growth, growth_along
 from saltus.sweeps.section import Section, on_section
 from saltus.system import HybridSystem

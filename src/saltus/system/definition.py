@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
@@ -30,6 +29,7 @@ from saltus.system.parts import (
     sequence_of,
     texts_of,
 )
+from saltus.system.structure import check_structure
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -99,7 +99,7 @@ class Definition:
         regimes = mapping_of(regimes, "regimes", "of names to sequences of modes")
         self.regimes = {key: texts_of(visited, f"regime {key!r}", "names of modes") for key, visited in regimes.items()}
         self.made_of = kept_data(made_of, "made_of")
-        self._check_structure(names.let)
+        check_structure(self, names.let)
         self.transitions = tuple(completed_transition(t, self.modes, self.states) for t in self.transitions)
         self._check_choices()
         self.parameter_vector({})
@@ -420,49 +420,6 @@ class Definition:
                 wanted = f"names of states: {', '.join(self.states)}"
                 raise DefinitionError("angles", name, wanted, hint or nearest(name, self.states))
         return np.array([i for i, name in enumerate(self.states) if name in self.angles], dtype=np.int64)
-
-    def _check_structure(self, let: Iterable[str]) -> None:
-        taken: set[str] = set()
-        for name in (*self.all_states, *self.parameters, *self.outputs, *let):
-            if (read := unicodedata.normalize("NFKC", name)) in taken:
-                raise DefinitionError("states, parameters, phase, outputs and let", name, "named once")
-            taken.add(read)
-        if not self.modes:
-            raise DefinitionError(f"{self.part}s", {}, f"at least one {self.part}")
-        for key, mode in self.modes.items():
-            if missing := [name for name in self.states if name not in mode.field]:
-                wanted = f"an equation for each of {', '.join(self.states)}"
-                where = f"{self.part} {key!r}"
-                raise DefinitionError(where, list(mode.field), wanted, f"{missing[0]!r} is missing")
-            if extra := [name for name in mode.field if name not in self.states]:
-                hint = "the phase has its rate already" if self.phase and extra[0] == self.phase[0] else ""
-                hint = hint or nearest(extra[0], self.states)
-                raise DefinitionError(f"{self.part} {key!r}", extra[0], f"a state: {', '.join(self.states)}", hint)
-        names = self.transition_names
-        for transition in self.transitions:
-            where = f"transition {transition.name!r}"
-            if names.count(transition.name) > 1:
-                raise DefinitionError(where, transition.name, "named once", "pass name=")
-            for name in (transition.source, transition.target):
-                if not isinstance(name, str) or name not in self.modes:
-                    hint = nearest(name, self.modes)
-                    raise DefinitionError(where, name, f"a mode: {', '.join(self.modes)}", hint)
-            for state in transition.reset:
-                if state not in self.all_states:
-                    wanted = f"a state to reset: {', '.join(self.states)}"
-                    raise DefinitionError(where, state, wanted, nearest(state, self.states))
-                if self.phase and state == self.phase[0]:
-                    raise DefinitionError(where, state, "a state other than the phase, which runs on across events")
-        for key, members in self.groups.items():
-            if unknown := [member for member in members if member not in self.parameters]:
-                raise DefinitionError(f"group {key!r}", unknown[0], f"one of {', '.join(self.parameters)}")
-        for key, visited in self.regimes.items():
-            if unknown := [mode for mode in visited if mode not in self.modes]:
-                hint = nearest(unknown[0], self.modes)
-                raise DefinitionError(f"regime {key!r}", unknown[0], f"a mode: {', '.join(self.modes)}", hint)
-        for key in (*self.positive, *self.parameter_bounds):
-            if key not in self.parameters:
-                raise DefinitionError("positive, parameter_bounds", key, f"one of {', '.join(self.parameters)}")
 
     def __str__(self) -> str:
         kind = type(self).__name__

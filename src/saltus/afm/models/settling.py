@@ -11,8 +11,8 @@ import numpy as np
 
 from saltus.afm.probe.units import suffix
 from saltus.errors import ConvergenceError, SaltusError, StiffnessError, shortened
-from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate
+from saltus.flow.starting import starting_mode
 from saltus.flow.taylor import ORDER
 from saltus.orbits import PeriodicOrbit, find_orbit
 from saltus.sweeps import SweepOptions, run_sweep

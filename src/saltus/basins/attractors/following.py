@@ -11,8 +11,8 @@ import numpy as np
 from saltus.basins.attractors.found import AttractorOptions, Found
 from saltus.ensemble.ensemble import Ensemble
 from saltus.errors import SaltusError
-from saltus.flow.motion import allowed_modes
 from saltus.flow.simulation import simulate
+from saltus.flow.starting import allowed_modes
 from saltus.progress import Reporter
 from saltus.system.maps import flowing
 from saltus.work import interrupt_waits

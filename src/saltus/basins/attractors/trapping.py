@@ -13,7 +13,7 @@ import numpy as np
 
 from saltus.ensemble.traps import Ellipsoids
 from saltus.flow.event_logs import events_after
-from saltus.flow.motion import starting_mode
+from saltus.flow.starting import starting_mode
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import EVENT_END, PHASE_END, Signature
 

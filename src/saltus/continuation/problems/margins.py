@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.orbits.critical import TOUCHING
+from saltus.orbits.critical import TOUCHING, Grazing
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import EVENT_END, MEAN_END, WHOLE, Signature, Survey
+from saltus.orbits.signature import DIRECTION, DURATION, EVENT_END, MEAN_END, WHEN, WHOLE, Signature, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["grazing_monitors", "run_out", "side_of", "still_ahead", "timed", "without_shadows"]
+__all__ = ["grazing_monitors", "on_border", "run_out", "side_of", "still_ahead", "timed", "without_shadows"]
+
+_STEP = 1e-3  # change of a state, over its size, by which it is seen how a condition varies
 
 
 def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], float]]:
@@ -65,7 +68,7 @@ def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> li
         if k < 0:
             continue
         held = problem.system.transitions[k].when is None
-        size = math.nan if held else problem.condition_size(k, problem.state_on(i, 1.0))
+        size = math.nan if held else _condition_size(problem, k, problem.state_on(i, 1.0))
         if abs(survey.rates[i, 3]) < TOUCHING * size:
             found.append(Monitor("condition", i))
     for name, value in grazing_monitors(problem).items():
@@ -96,3 +99,32 @@ def without_shadows(names: Iterable[Monitor], vanishing: Iterable[int], count: i
     """
     beside = {i for j in vanishing for i in (j, (j - 1) % count)}
     return [name for name in names if not (name.kind in ("rate", "condition", "ahead") and name.segment in beside)]
+
+
+def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], survey: Survey) -> Survey:
+    """Return a survey without the faults that are rounding where a quantity vanishes all along the locus."""
+    if grazing.kind == "rate":
+        return replace(survey, faults=survey.faults & ~DIRECTION)
+    kept, durations = survey.faults, u[problem.n : problem.size : problem.n + 1]
+    zero = np.flatnonzero(np.abs(durations) < TOUCHING * np.abs(durations).sum()).tolist()
+    beside = {grazing.segment, *zero, *((i - 1) % problem.segments for i in zero)}
+    others = [i for i in range(problem.segments) if i not in beside]
+    if np.all(survey.rates[others, 3] > 0.0):
+        kept &= ~WHEN
+    if grazing.kind == "duration" and np.all(durations[others] > 0.0):
+        kept &= ~DURATION
+    return replace(survey, faults=kept)
+
+
+def _condition_size(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> float:
+    """Return how much the condition of a transition varies near a full state with the states' sizes."""
+    here, there = np.empty(1), np.empty(1)
+    place, compiled = len(problem.system.modes) + transition, problem.system.compiled
+    compiled.call("guard", place, 0, np.ascontiguousarray(x), problem.extended, here)
+    total = 0.0
+    for k, step in enumerate((_STEP * problem.state_scale).tolist()):
+        moved = x.copy()
+        moved[k] += step
+        compiled.call("guard", place, 0, moved, problem.extended, there)
+        total += abs(float(there[0] - here[0]))
+    return total / _STEP

@@ -18,14 +18,22 @@ from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.problems.guards import residual_fault, unconfirmed
-from saltus.continuation.problems.margins import grazing_monitors, run_out, side_of, still_ahead, timed, without_shadows
+from saltus.continuation.problems.margins import (
+    grazing_monitors,
+    on_border,
+    run_out,
+    side_of,
+    still_ahead,
+    timed,
+    without_shadows,
+)
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_forms import flip_coefficient, null_vectors, torus_coefficient
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import DIRECTION, DURATION, TOUCH_END, WHEN, Survey
+from saltus.orbits.signature import TOUCH_END, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -187,7 +195,7 @@ class LocusZeroProblem:
             if doubt is not None:
                 return Examined({}, doubt)
         if isinstance(self.condition, Grazing):
-            survey = _on_border(problem, self.condition, u, survey)
+            survey = on_border(problem, self.condition, u, survey)
         # the multipliers next to a grazing vary so fast that the last Newton step shows in them
         self._J = problem.evaluate(u)[1]
         problem.prepare(u)
@@ -426,21 +434,6 @@ class LocusZeroProblem:
 
 def _duration(problem: OrbitProblem, u: NDArray[np.float64], i: int) -> float:
     return float(u[i * (problem.n + 1) + problem.n])
-
-
-def _on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], survey: Survey) -> Survey:
-    """Return a survey without the faults that are rounding where a quantity vanishes all along the locus."""
-    if grazing.kind == "rate":
-        return replace(survey, faults=survey.faults & ~DIRECTION)
-    kept, durations = survey.faults, u[problem.n : problem.size : problem.n + 1]
-    zero = np.flatnonzero(np.abs(durations) < TOUCHING * np.abs(durations).sum()).tolist()
-    beside = {grazing.segment, *zero, *((i - 1) % problem.segments for i in zero)}
-    others = [i for i in range(problem.segments) if i not in beside]
-    if np.all(survey.rates[others, 3] > 0.0):
-        kept &= ~WHEN
-    if grazing.kind == "duration" and np.all(durations[others] > 0.0):
-        kept &= ~DURATION
-    return replace(survey, faults=kept)
 
 
 def _vanishing(grazing: Grazing) -> Monitor:

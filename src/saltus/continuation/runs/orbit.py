@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
-from saltus.continuation.problems.beside import seen_beside
+from saltus.continuation.problems.changes import type_of_change
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
 from saltus.continuation.problems.ends.shrinking import equilibrium_ahead
@@ -20,29 +19,28 @@ from saltus.continuation.problems.ends.slowing import grazing_ahead
 from saltus.continuation.problems.ends.unbounded import (
     grows_at_last,
     grows_for_ever,
-    period_of,
     swells_at_last,
     swells_for_ever,
     too_stiff,
     vanishes_at_last,
 )
-from saltus.continuation.problems.grazing import Neighbour, neighbour, type_of_change
+from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
+from saltus.continuation.runs.beyond import leaving, seen_beyond, switched, turns_back
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
 from saltus.continuation.runs.run import Going
 from saltus.continuation.runs.to_homoclinic import end_unbounded
-from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
+from saltus.continuation.runs.two_sided import BothSides, Found, OneSide
 from saltus.errors import InputError
 from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.rounds import divided
-from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature, Survey
+from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature
 from saltus.orbits.unfolding import Fixed
 
 if TYPE_CHECKING:
@@ -54,11 +52,7 @@ __all__ = ["OrbitRun", "orbit_columns"]
 
 _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
 _SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to which it is an equilibrium
-_TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the grazing of another one
-# Shares of the parameter's interval at which an orbit beyond a point is sought.
-_PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _SHADOW = 1e-9  # distance in the parameter, over its interval, up to which a fold is the shadow of a change
-_ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
@@ -282,13 +276,14 @@ class OrbitRun(OneParameterRun):
             point.examined = _as_before(point.examined, half.points[-1][1].examined.data)
             half.specials.append(self.found("BE", branch, event, half))
             return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
-        leaving = _leaving(branch, event)
-        if self._sums(branch, leaving):
+        way = leaving(branch, event)
+        if self._sums(branch, way):
             half.points.append((branch, point))
+            again = seen_beyond(branch, point, self.equations, self._wide, ways=(1.0,), rounds=2)
             told = f"{self.place(point)}: the sum of the impacts that accumulate is no longer exact"
-            return self._seen(branch, point, ways=(1.0,), rounds=2) or told
-        found = neighbour(branch.problem, leaving, point.u)
-        name = type_of_change(branch.problem, leaving, point.u, found)
+            return told if again is None else (*again, self._first_step)
+        found = neighbour(branch.problem, way, point.u)
+        name = type_of_change(branch.problem, way, point.u, found)
         if self.control.at_grazing == "pass":
             half.specials.append(self.found(name, branch, event, half))
             return self.end_at(half, branch, point, name)
@@ -305,12 +300,24 @@ class OrbitRun(OneParameterRun):
         if name in self.stops:
             return f"{self.place(point)}: {POINT_TYPES[name].meaning}"
         what = POINT_TYPES[name].meaning
-        went = f"{self.place(point)}: {what}, {found}" if isinstance(found, str) else self._switch(found, point, what)
+        went = found if isinstance(found, str) else switched(found, point, self.equations)
         if isinstance(went, str) and name != "GR":
-            went = self._seen(branch, point) or went
-        if name != "GR" and not isinstance(went, str) and _turns_back(half.points, went[1]):
+            went = seen_beyond(branch, point, self.equations, self._wide) or went
+        if isinstance(went, str):
+            return f"{self.place(point)}: {what}, {went}"
+        if name != "GR" and turns_back(half.points, went[1]):
             half.specials[-1] = replace(half.specials[-1], of="non-smooth fold")
-        return went
+        return *went, self._first_step
+
+    @property
+    def _wide(self) -> float:
+        """The parameter's interval, in its unit."""
+        return self.interest.high - self.interest.low
+
+    @property
+    def _first_step(self) -> float:
+        """The first step behind a change of signature."""
+        return min(self.control.initial, 1e-3)
 
     def _same_place(self, half: OneSide, branch: OrbitZeroProblem, point: Point, names: Sequence[str]) -> bool:
         """Return whether a point is the last special point found, which is of given types.
@@ -322,7 +329,7 @@ class OrbitRun(OneParameterRun):
         last = half.specials[-1]
         apart = abs(last.solution.parameters[self.name] - point.parameter * self.scale)
         here = last.after >= len(half.points) - 2
-        return here and apart < _SHADOW * (self.interest.high - self.interest.low) * self.scale
+        return here and apart < _SHADOW * self._wide * self.scale
 
     @staticmethod
     def _sums(branch: OrbitZeroProblem, name: Monitor) -> bool:
@@ -331,34 +338,6 @@ class OrbitRun(OneParameterRun):
             return False
         problem = branch.problem
         return problem.system.transitions[problem.signature.transitions[name.segment]].sums
-
-    def _seen(
-        self, branch: OrbitZeroProblem, old: Point, ways: tuple[float, ...] = (1.0, -1.0), rounds: int = 1
-    ) -> Going | None:
-        """Return equations, point and step to go on with beyond a point, by the motion there; None where it shows none.
-
-        ways: onward and back along the parameter, those that are tried. rounds: periods of the motion.
-        Next to an AS the branch has a vertical tangent in the duration that vanishes, so no step begins at the point.
-        """
-        onward = math.copysign(1.0, float(old.tangent[-1]))
-        wide = self.interest.high - self.interest.low
-        for probe in _PROBES:
-            for sign in (onward * way for way in ways):
-                beside = seen_beside(branch.problem, old.u, sign * probe * wide, rounds)
-                if beside is None or beside.signature == branch.problem.signature.whole:
-                    continue
-                fresh = self.equations(beside.signature, beside.u)
-                try:
-                    point = start_point(fresh, beside.u, sign)
-                except ValueError:
-                    continue
-                point.examined = fresh.examine(point, None)
-                count = len(fresh.problem.system.states)
-                apart = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
-                if np.max(apart) < _ALIKE and _beyond_grazings(fresh.problem, point):
-                    point.arc = old.arc + probe
-                    return fresh, point, min(self.control.initial, 1e-3)
-        return None
 
     def _is_point(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> bool:
         """Return whether the autonomous cycle of a point is an equilibrium, by the sizes of the branch's cycles."""
@@ -386,35 +365,6 @@ class OrbitRun(OneParameterRun):
             tangent = np.append(tangent[: branch.problem.size], tangent[-1])
         return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)
 
-    def _switch(self, found: Neighbour, old: Point, what: str) -> str | Going:
-        """Return equations, point and step to go on with in the neighbouring signature, or why no branch does.
-
-        The point is a first admissible orbit beyond the grazing.
-        """
-        branch = self.equations(found.signature, found.u)
-        if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
-            found = Neighbour(*once)
-            branch = self.equations(found.signature, found.u)
-        try:
-            point = start_point(branch, found.u)
-        except ValueError as error:
-            return f"{self.place(old)}: {what}, no branch goes on: {error}"
-        point.arc = old.arc
-        onward = math.copysign(1.0, float(old.tangent[-1]))
-        for probe in (1e-5, 1e-6, 1e-4):
-            for sign in (onward, -onward):
-                start = turned(point, sign, branch.odd)
-                start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
-                trial = follow(
-                    branch, start, StepControl(initial=probe, smallest=probe / 4, largest=probe),
-                     log=[],
-                )  # fmt: skip
-                item = next(trial)
-                if isinstance(item, Point) and _beyond_grazings(branch.problem, item):
-                    item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
-                    return branch, item, min(self.control.initial, 1e-3)
-        return f"{self.place(old)}: {what}, no admissible orbit beyond it"
-
 
 def orbit_columns(joined: BothSides) -> dict[str, Any]:
     """Return the fields of `OrbitCurve` that a branch and a locus fill in the same way."""
@@ -437,51 +387,6 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
         "form": np.array([forms.index(piece.problem.signature) for piece, _ in joined.rows]),
         "unknowns": tuple(point.u[: piece.problem.size] for piece, point in joined.rows),
     }
-
-
-# Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
-_NONE = np.empty(0)
-_INADMISSIBLE = Survey(1, False, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, np.empty((0, 3)))
-
-
-def _turns_back(points: Sequence[tuple[OrbitZeroProblem, Point]], beyond: Point) -> bool:
-    """Return whether the parameter goes back behind the last of some points: a non-smooth fold."""
-    if len(points) < 2:
-        return False
-    onward = points[-1][1].parameter - points[-2][1].parameter
-    return float(beyond.tangent[-1]) * onward < 0.0
-
-
-def _ranges(point: Point, count: int) -> NDArray[np.float64]:
-    """Return the extremes of the `count` states of a point's orbit, shape (2, count)."""
-    survey: Survey = point.examined.data.survey
-    return np.stack([survey.lows[:count], survey.highs[:count]])
-
-
-def _leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
-    """Return the monitor function of a grazing by which a branch goes on: a contact that ends comes before a new one.
-
-    Where an orbit arrives at one that repeats itself, a round's contact ends as another round's begins. Which of the
-    two is located first is rounding.
-    """
-    own: Monitor = event.name
-    if own.kind != "margin":
-        return own
-    rounding = _TOGETHER * period_of(branch, event.point)
-    monitors: Mapping[Monitor, float] = event.point.examined.monitors
-    return next((name for name, value in monitors.items() if name.kind == "duration" and abs(value) <= rounding), own)
-
-
-def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
-    """Return whether a point is admissible and all its monitor functions of grazings are on that side."""
-    monitors, transitions = point.examined.monitors.items(), problem.system.transitions
-    grazings = (
-        # an event in both directions has no admissible side
-        abs(value) if name.kind == "side" and transitions[name.transition].direction == 0 else value
-        for name, value in monitors
-        if at_grazing(name) and not math.isnan(value)
-    )
-    return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
 
 
 def _as_before(examined: Examined, last: OrbitData) -> Examined:

@@ -12,9 +12,10 @@ from saltus.continuation.core.locating import events_between
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES, loci_through
 from saltus.continuation.core.zero_problem import SAME, Event, Point
+from saltus.continuation.problems.changes import type_of_change
 from saltus.continuation.problems.critical_points import CriticalOrbit
 from saltus.continuation.problems.ends.closure import alongside, passes
-from saltus.continuation.problems.grazing import neighbour, type_of_change
+from saltus.continuation.problems.grazing import neighbour
 from saltus.continuation.problems.orbit_locus import LocusZeroProblem
 from saltus.continuation.results.locus import Locus
 from saltus.continuation.runs.field_roots import rooted_modes

@@ -1,0 +1,81 @@
+"""The type of the special point at which the signature of an orbit changes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.problems.grazing import Neighbour, vanishing
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import MEAN_END
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["type_of_change"]
+
+
+def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], found: Neighbour | str) -> str:
+    """Return the type of the special point at which an orbit's signature changes.
+
+    A sliding segment that is born where a motion touches is a GS, between two motions across the surface a CS. A
+    segment off the surface that is born between sliding segments is an AS, beside one of them an SS. Where nothing
+    slides, a motion that touches grazes (GR), and all else is a BC.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        Equations of the signature in which the orbit was found.
+    monitor : Monitor
+        The monitor function that vanishes.
+    u : ndarray, shape (size + 1,)
+        Unknowns of the orbit, and the parameter.
+    found : Neighbour or str
+        What `neighbour` returns for it.
+
+    References
+    ----------
+    M. di Bernardo, C. J. Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008, ch. 8.
+    """
+    system = problem.system
+    touches = monitor.kind in ("margin", "rate", "side")
+    around = _born(problem, monitor, u, found)
+    if around is None:
+        return "GR" if touches else "BC"
+    born, before, after = (system.modes[system.mode_names[mode]].surface is not None for mode in around)
+    if born:
+        return "GS" if around[1] == around[2] else "CS" if not before and not after else "BC"
+    if before and after:
+        return "AS"
+    if before or after:
+        return "SS"
+    starts_on_its_event = monitor.kind == "duration" and problem.signature.kinds[monitor.segment] == MEAN_END
+    return "GR" if (touches or starts_on_its_event) and around[1] == around[2] else "BC"
+
+
+def _born(
+    problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], found: Neighbour | str
+) -> tuple[int, int, int] | None:
+    """Return the modes of the segment that is born or vanishes, of the one before and the one behind it."""
+    if monitor.kind == "margin":
+        target = problem.system.transitions[monitor.transition].target
+        mode = problem.signature.modes[monitor.segment]
+        return problem.system.mode_index(target), mode, mode
+    n, size = problem.n, problem.size
+    if monitor.kind in ("condition", "ahead"):
+        if isinstance(found, str) or len(found.signature) <= len(problem.signature):
+            return None
+        modes = found.signature.modes
+        place = int(np.argmin(np.abs(found.u[n : len(modes) * (n + 1) : n + 1])))
+    else:
+        blocks, modes, place = u[:size].reshape(problem.segments, n + 1), problem.signature.modes, monitor.segment
+        if monitor.kind == "rate":
+            behind = vanishing(problem, blocks, place)
+            if behind.kind == "rate":
+                return None
+            place = behind.segment
+        elif monitor.kind == "side":
+            return None
+    return modes[place], modes[place - 1], modes[(place + 1) % len(modes)]

@@ -1,0 +1,155 @@
+"""What a branch of orbits goes on with where its signature changes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from saltus.continuation.core.arclength import StepControl, follow
+from saltus.continuation.core.monitor import Monitor, at_grazing
+from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
+from saltus.continuation.problems.beside import seen_beside
+from saltus.continuation.problems.ends.unbounded import period_of
+from saltus.continuation.problems.grazing import Neighbour
+from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
+from saltus.continuation.runs.two_sided import turned
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.rounds import divided
+from saltus.orbits.signature import Signature, Survey
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["leaving", "seen_beyond", "switched", "turns_back"]
+
+Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
+Equations: TypeAlias = "Callable[[Signature, NDArray[np.float64]], OrbitZeroProblem]"
+
+_TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the grazing of another one
+# Shares of the parameter's interval at which an orbit beyond a point is sought.
+_PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+_ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
+# Survey of a point from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
+_NONE = np.empty(0)
+_INADMISSIBLE = Survey(1, False, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, np.empty((0, 3)))
+
+
+def leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
+    """Return the monitor function of a grazing by which a branch goes on: a contact that ends comes before a new one.
+
+    Where an orbit arrives at one that repeats itself, a round's contact ends as another round's begins. Which of the
+    two is located first is rounding.
+    """
+    own: Monitor = event.name
+    if own.kind != "margin":
+        return own
+    rounding = _TOGETHER * period_of(branch, event.point)
+    monitors: Mapping[Monitor, float] = event.point.examined.monitors
+    return next((name for name, value in monitors.items() if name.kind == "duration" and abs(value) <= rounding), own)
+
+
+def switched(found: Neighbour, old: Point, equations: Equations) -> Beyond | str:
+    """Return equations and point to go on with in the neighbouring signature, or why no branch does.
+
+    Parameters
+    ----------
+    found : Neighbour
+        The orbit of the point in the neighbouring signature.
+    old : Point
+        The point.
+    equations : callable
+        Returns the equations of a signature near given unknowns.
+    """
+    branch = equations(found.signature, found.u)
+    if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
+        found = Neighbour(*once)
+        branch = equations(found.signature, found.u)
+    try:
+        point = start_point(branch, found.u)
+    except ValueError as error:
+        return f"no branch goes on: {error}"
+    point.arc = old.arc
+    onward = math.copysign(1.0, float(old.tangent[-1]))
+    for probe in (1e-5, 1e-6, 1e-4):
+        for sign in (onward, -onward):
+            start = turned(point, sign, branch.odd)
+            start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
+            control = StepControl(initial=probe, smallest=probe / 4, largest=probe)
+            trial = follow(branch, start, control, log=[])
+            item = next(trial)
+            if isinstance(item, Point) and _beyond_changes(branch.problem, item):
+                item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
+                return branch, item
+    return "no admissible orbit beyond it"
+
+
+def seen_beyond(
+    branch: OrbitZeroProblem, old: Point, equations: Equations, wide: float, *, ways: tuple[float, ...] = (1.0, -1.0),
+    rounds: int = 1,
+) -> Beyond | None:  # fmt: skip
+    """Return equations and point to go on with, as the motion beyond a point shows them; None where it shows none.
+
+    Next to an AS the branch has a vertical tangent in the duration that vanishes, so no step begins at the point.
+
+    Parameters
+    ----------
+    branch : OrbitZeroProblem
+        Equations that end at the point.
+    old : Point
+        The point.
+    equations : callable
+        Returns the equations of a signature near given unknowns.
+    wide : float
+        The parameter's interval, in its unit.
+    ways : tuple of float, optional
+        1 for onward along the parameter, -1 for back: those that are tried.
+    rounds : int, optional
+        Periods of the motion.
+    """
+    onward = math.copysign(1.0, float(old.tangent[-1]))
+    for probe in _PROBES:
+        for sign in (onward * way for way in ways):
+            beside = seen_beside(branch.problem, old.u, sign * probe * wide, rounds)
+            if beside is None or beside.signature == branch.problem.signature.whole:
+                continue
+            fresh = equations(beside.signature, beside.u)
+            try:
+                point = start_point(fresh, beside.u, sign)
+            except ValueError:
+                continue
+            point.examined = fresh.examine(point, None)
+            count = len(fresh.problem.system.states)
+            apart = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
+            if np.max(apart) < _ALIKE and _beyond_changes(fresh.problem, point):
+                point.arc = old.arc + probe
+                return fresh, point
+    return None
+
+
+def turns_back(points: Sequence[tuple[OrbitZeroProblem, Point]], beyond: Point) -> bool:
+    """Return whether the parameter goes back behind the last of some points: a non-smooth fold."""
+    if len(points) < 2:
+        return False
+    onward = points[-1][1].parameter - points[-2][1].parameter
+    return float(beyond.tangent[-1]) * onward < 0.0
+
+
+def _ranges(point: Point, count: int) -> NDArray[np.float64]:
+    """Return the extremes of the `count` states of a point's orbit, shape (2, count)."""
+    survey: Survey = point.examined.data.survey
+    return np.stack([survey.lows[:count], survey.highs[:count]])
+
+
+def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
+    """Return whether a point is admissible and all its monitor functions of grazings are on that side."""
+    monitors, transitions = point.examined.monitors.items(), problem.system.transitions
+    grazings = (
+        # an event in both directions has no admissible side
+        abs(value) if name.kind == "side" and transitions[name.transition].direction == 0 else value
+        for name, value in monitors
+        if at_grazing(name) and not math.isnan(value)
+    )
+    return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
