@@ -219,18 +219,18 @@ class _Parts:
         where = f"surface {h}"
         if not h.free_symbols & set(self.reader.x):
             raise DefinitionError("surface", str(h), "a function of the state")
-        if sympy.simplify(fall - rise) == 0:
+        if sympy.cancel(fall - rise) == 0:
             wanted = "crossed by the two fields at different rates"
             hint = "the fields agree on it, so nothing slides: two modes and a transition say the same"
-            raise DefinitionError(where, str(h), wanted, hint if sympy.simplify(rise) != 0 else "no field crosses it")
+            raise DefinitionError(where, str(h), wanted, hint if sympy.cancel(rise) != 0 else "no field crosses it")
         steep = sum(part**2 for part in gradient)
         back = [self.pull * h * part / steep for part in gradient]
         weight = sympy.cancel(sympy.together(fall / (fall - rise)))
         found = []
         for a, b, off in zip(up, down, back, strict=True):
-            jump = sympy.simplify(a - b)
-            slide = b if jump == 0 else sympy.simplify(b + weight * jump)
-            found.append(slide - off)
+            slide = b if sympy.expand(a - b) == 0 else b + weight * (a - b)
+            # `simplify` would take minutes on quotients of long polynomials
+            found.append(min(sympy.cancel(slide), slide, key=sympy.count_ops) - off)
         return found
 
     def name(self, word: str) -> str:
