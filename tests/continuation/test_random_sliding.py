@@ -36,7 +36,7 @@ def modes_on(seed: int, orbit: saltus.PeriodicOrbit) -> tuple[str, ...] | None:
         return None
     back = moved(orbit.period)
     n = len(system.states)
-    assert np.max(np.abs(back[:n] - x[:n])) < 1e-6, (seed, orbit.parameters["b"], orbit.signature, moved.modes, back, x, moved.ended)
+    assert np.max(np.abs(back[:n] - x[:n])) < 1e-6, (seed, orbit.parameters["b"], moved.modes)
     return tuple(moved.modes)
 
 

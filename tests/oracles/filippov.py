@@ -143,9 +143,7 @@ def _events(system: Filippov, mode: str) -> list[Callable[[float, Vector], float
     return found
 
 
-def _stretch(
-    system: Filippov, mode: str, t: float, x: Vector, t_end: float, made: Course
-) -> tuple[float, Vector, str]:
+def _stretch(system: Filippov, mode: str, t: float, x: Vector, t_end: float, made: Course) -> tuple[float, Vector, str]:
     """Follow one mode to its end: time, state, and the mode to which sliding ends, or the own name; "" at the end."""
     events = _events(system, mode)
 
