@@ -25,6 +25,7 @@ _ABOVE, _BELOW, _ON = "+", "-", "0"
 _NAMES = {_ABOVE: "above", _BELOW: "below", _ON: "sliding"}  # modes where there is one surface
 _NO_WAY = "no single way on"  # mode in which a motion ends where surfaces meet
 _NOWHERE = "-1"  # domain of a mode in which no motion goes on
+_LONG = 120  # operations of a quotient above which it is left as it is
 _MOST = 4  # surfaces: there are 2**4 fields then
 
 
@@ -229,18 +230,17 @@ class _Parts:
         where = f"surface {h}"
         if not h.free_symbols & set(self.reader.x):
             raise DefinitionError("surface", str(h), "a function of the state")
-        if sympy.cancel(fall - rise) == 0:
+        if sympy.expand(fall - rise) == 0:
             wanted = "crossed by the two fields at different rates"
             hint = "the fields agree on it, so nothing slides: two modes and a transition say the same"
-            return DefinitionError(where, str(h), wanted, hint if sympy.cancel(rise) != 0 else "no field crosses it")
+            return DefinitionError(where, str(h), wanted, hint if sympy.expand(rise) != 0 else "no field crosses it")
         steep = sum(part**2 for part in gradient)
         back = [self.pull * h * part / steep for part in gradient]
-        weight = sympy.cancel(sympy.together(fall / (fall - rise)))
+        weight = _short(fall / (fall - rise))
         found = []
         for a, b, off in zip(up, down, back, strict=True):
             slide = b if sympy.expand(a - b) == 0 else b + weight * (a - b)
-            # `simplify` would take minutes on quotients of long polynomials
-            found.append(min(sympy.cancel(slide), slide, key=sympy.count_ops) - off)
+            found.append(_short(slide) - off)
         return found
 
     def _meeting(self, word: str, j: int) -> list[tuple[str, str, sympy.Expr, int, sympy.Expr]]:
@@ -319,3 +319,12 @@ class _Parts:
             for source, target, event, way, when in made
             if event.free_symbols & varying and not when.is_nonpositive
         ]
+
+
+def _short(expression: sympy.Expr) -> sympy.Expr:
+    """Return a quotient in lowest terms where it is short: those of long polynomials take minutes, and are long."""
+    import sympy
+
+    if sympy.count_ops(expression) > _LONG:
+        return expression
+    return min(sympy.cancel(sympy.together(expression)), expression, key=sympy.count_ops)

@@ -6,16 +6,17 @@ docs/theory/loci.md derives the equations and lists the monitor functions.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import Event, Examined, Point
+from saltus.continuation.problems.coefficients import known_coefficient, or_infinity, torus_at
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.problems.guards import residual_fault, unconfirmed
 from saltus.continuation.problems.margins import (
@@ -31,7 +32,7 @@ from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
-from saltus.orbits.normal_forms import flip_coefficient, null_vectors, torus_coefficient
+from saltus.orbits.normal_forms import flip_coefficient
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
 
@@ -318,9 +319,9 @@ class LocusZeroProblem:
         if only in (None, _GPD):
             # the coefficient has a pole where another multiplier is 1; the determinant has a zero there
             problem, J = self._graded(u, only)
-            value = _or_infinity(flip_coefficient, problem, u, J, condition.right, condition.left)
+            value = or_infinity(flip_coefficient, problem, u, J, condition.right, condition.left)
             coefficient = self._sized(_GPD, value * found[_FF])
-            found[_GPD] = _known(coefficient, only)
+            found[_GPD] = known_coefficient(coefficient, only)
         return found, self._data(survey, u, math.pi, coefficient)
 
     def _at_TR(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
@@ -332,9 +333,9 @@ class LocusZeroProblem:
         if abs(kappa) < 1.0 and only in (None, _CH) and not resonant:
             # the coefficient has a pole where another multiplier is 1; the factor `others` has a zero there
             others = self._determinant(_OTHERS, 1.0, self.problem, u, self._J) / (2.0 - 2.0 * kappa)
-            value = _or_infinity(_torus_coefficient, *self._graded(u, only), u, kappa)
+            value = or_infinity(torus_at, *self._graded(u, only), u, kappa)
             coefficient = self._sized(_CH, value * others)
-            found[_CH] = _known(coefficient, only)
+            found[_CH] = known_coefficient(coefficient, only)
         return found, self._data(survey, u, math.acos(min(1.0, max(-1.0, kappa))), coefficient)
 
     def _graded(self, u: NDArray[np.float64], only: Monitor | None) -> tuple[OrbitProblem, NDArray[np.float64]]:
@@ -444,22 +445,3 @@ def _vanishing(grazing: Grazing) -> Monitor:
 def _undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
     """Return whether det(A - B) and det(A + B) are rounding, as at a grazing where the surface bends no motion."""
     return all(openness(problem, mu, u, J) < _OPEN for mu in (1.0, -1.0))
-
-
-def _torus_coefficient(problem: OrbitProblem, J: NDArray[np.float64], u: NDArray[np.float64], kappa: float) -> float:
-    mu = complex(kappa, math.sqrt(1.0 - kappa * kappa))
-    q, p, _ = null_vectors(problem, u, J, mu)
-    return torus_coefficient(problem, u, J, mu, q, p).real
-
-
-def _known(coefficient: float, only: Monitor | None) -> float:
-    """Return a coefficient; NaN where it is exactly 0, perhaps all along, unless its zero is being located."""
-    return math.nan if coefficient == 0.0 and only is None else coefficient
-
-
-def _or_infinity(function: Callable[..., float], *arguments: Any) -> float:
-    """Return the value of a function, or infinity at its pole, where a matrix is singular."""
-    try:
-        return function(*arguments)
-    except np.linalg.LinAlgError:
-        return math.inf

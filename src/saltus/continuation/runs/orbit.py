@@ -29,6 +29,7 @@ from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs.beyond import leaving, seen_beyond, switched, turns_back
+from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
 from saltus.continuation.runs.run import Going
@@ -197,12 +198,30 @@ class OrbitRun(OneParameterRun):
 
     def stuck(self, half: OneSide, piece: OrbitZeroProblem, last: Point, reason: str) -> str | Going:
         """See `Run.stuck`."""
+        if (added := self._excursion_ends(half)) is not None:
+            return added
         slowed = grazing_ahead(half.points)
         if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
             return end
         if (grown := grows_at_last(half.points)) is not None:
             return self._unbounded(half, grown)
         return f"{self.place(last)}: {self._why(piece, half, reason)}"
+
+    def _excursion_ends(self, half: OneSide) -> Going | str | None:
+        """Keep the AS at which an excursion from sliding vanishes, and return what goes on there; None without one."""
+        if not half.points or self.control.at_grazing == "pass":
+            return None
+        ahead = adding_sliding_ahead(half.points, self.equations)
+        if ahead is None:
+            return None
+        fresh, event, beyond = ahead
+        arc = half.points[-1][1].arc
+        event.point.arc, beyond.arc = arc, arc + abs(beyond.arc - event.point.arc)
+        half.specials.append(self.found("AS", fresh, event, half))
+        half.points.append((fresh, event.point))
+        if "AS" in self.stops:
+            return f"{self.place(event.point)}: {POINT_TYPES['AS'].meaning}"
+        return fresh, beyond, self._first_step
 
     def closes(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> bool:
         """See `Run.closes`."""
@@ -296,6 +315,7 @@ class OrbitRun(OneParameterRun):
             # on the border the signs of what vanishes are rounding
             orbit = replace(orbit, faults=orbit.faults & ~(DURATION | DIRECTION | WHEN))
             half.specials[-1] = replace(half.specials[-1], solution=orbit)
+        point.examined = _on_border(point.examined)
         half.points.append((branch, point))
         if name in self.stops:
             return f"{self.place(point)}: {POINT_TYPES[name].meaning}"
@@ -387,6 +407,13 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
         "form": np.array([forms.index(piece.problem.signature) for piece, _ in joined.rows]),
         "unknowns": tuple(point.u[: piece.problem.size] for piece, point in joined.rows),
     }
+
+
+def _on_border(examined: Examined) -> Examined:
+    """Return what is known of a point without the faults that are rounding where the signature changes."""
+    data: OrbitData = examined.data
+    survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
+    return replace(examined, data=replace(data, survey=survey))
 
 
 def _as_before(examined: Examined, last: OrbitData) -> Examined:
