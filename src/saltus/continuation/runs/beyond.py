@@ -23,7 +23,7 @@ from saltus.orbits.signature import Signature, Survey
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["leaving", "seen_beyond", "switched", "turns_back"]
+__all__ = ["leaving", "seen_beyond", "summed_late", "switched", "turns_back"]
 
 Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
 Equations: TypeAlias = "Callable[[Signature, NDArray[np.float64]], OrbitZeroProblem]"
@@ -127,6 +127,31 @@ def seen_beyond(
                 point.arc = old.arc + probe
                 return fresh, point
     return None
+
+
+def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
+    """Return whether impacts that accumulate could have been summed up two of them before: the last ones are rounding.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        Equations of the orbit.
+    u : ndarray, shape (size + 1,)
+        Its unknowns, and the parameter.
+    """
+    system, signature, condition = problem.system, problem.signature, np.empty(1)
+    sums = [i for i, k in enumerate(signature.transitions) if k >= 0 and system.transitions[k].sums]
+    if not sums:
+        return False
+    problem.survey(u)
+    for i in sums:
+        k, before = signature.transitions[i], i - 2
+        if before >= 0 and signature.modes[before] == signature.modes[before + 1] == signature.modes[i]:
+            met = problem.state_on(before, 1.0)
+            system.compiled.call("guard", len(system.modes) + k, 0, met, problem.extended, condition)
+            if condition[0] > 0.0:
+                return True
+    return False
 
 
 def turns_back(points: Sequence[tuple[OrbitZeroProblem, Point]], beyond: Point) -> bool:

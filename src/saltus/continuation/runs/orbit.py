@@ -28,7 +28,7 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
-from saltus.continuation.runs.beyond import leaving, seen_beyond, switched, turns_back
+from saltus.continuation.runs.beyond import leaving, seen_beyond, summed_late, switched, turns_back
 from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
@@ -246,6 +246,10 @@ class OrbitRun(OneParameterRun):
             return self._unbounded(half, grown)
         if (swollen := swells_for_ever(half.points)) is not None:
             return f"{self.place(point)}: {swollen}"
+        if summed_late(piece.problem, point.u):
+            again = seen_beyond(piece, point, self.equations, self._wide, ways=(1.0,), rounds=2)
+            if again is not None:
+                return *again, self._first_step
         return self._cut(half, piece, point)
 
     def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:

@@ -1,0 +1,103 @@
+"""Impacts that accumulate: when a motion rests, how exactly, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+import saltus
+from saltus import Mode, Transition
+from saltus.errors import ChatteringError, DefinitionError
+from sliding import table
+
+
+def ball(g=1.0, height=1.0, rests="rest", reset="-e*v", event="z", direction=-1):
+    """Return a ball on a floor, on which it comes to rest."""
+    return saltus.HybridSystem(
+        ("z", "v"), {"e": 0.5, "g": g}, {"flight": Mode({"z": "v", "v": "-g"}), "rest": Mode({"z": "0", "v": "0"})},
+        [
+            Transition("flight", "flight", event, direction, {"v": reset}, name="impact", rests=rests,
+                       rest_time=1e-5 * math.sqrt(2.0 * height / g) if rests else None),
+        ],
+        name="ball",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("e", [0.2, 0.5, 0.8, 0.95])
+@pytest.mark.parametrize(("g", "height"), [(1.0, 1.0), (9.81, 1e-6), (1e-3, 1e5)])
+def test_a_ball_rests_after_the_sum_of_its_flights(e, g, height):
+    fall = math.sqrt(2.0 * height / g)
+    motion = saltus.simulate(ball(g, height), {"e": e}, [height, 0.0], t_end=50.0 * fall)
+    (rest,) = motion.events["time"][motion.events["mode_after"] == "rest"]
+    assert rest == pytest.approx(fall * (1.0 + e) / (1.0 - e), rel=1e-11)
+    assert motion.mode_end == "rest"
+    np.testing.assert_allclose(motion.x_end, 0.0, atol=1e-9 * height)
+
+
+def test_without_being_asked_a_motion_that_accumulates_is_told():
+    with pytest.raises(ChatteringError):
+        saltus.simulate(ball(rests=None), {}, [1.0, 0.0], t_end=20.0)
+
+
+@pytest.mark.parametrize(("e", "rests"), [(0.5, 4.1336062005398752), (0.3, 3.7345970187604894)])
+def test_the_sum_has_an_error_of_the_order_of_the_cube_of_the_time_left(e, rests):
+    begun = math.asin(1.0 / 1.2)
+    errors = []
+    for left in (0.04, 0.02, 0.01):
+        system = table(rest_time=left)
+        motion = saltus.simulate(
+            system, {"e": e}, [1.0, 1.2 * math.cos(begun), begun], mode="flight", t_end=4.0, tolerance=1e-13
+        )
+        (rest,) = motion.events["time"][motion.events["mode_after"] == "rest"]
+        errors.append(abs(rest + begun - rests))
+    assert errors[0] < 1e-4
+    assert errors[2] < 0.3 * errors[0]
+    finest = saltus.simulate(
+        table(), {"e": e}, [1.0, 1.2 * math.cos(begun), begun], mode="flight", t_end=4.0, tolerance=1e-13
+    )
+    (rest,) = finest.events["time"][finest.events["mode_after"] == "rest"]
+    assert rest + begun == pytest.approx(rests, abs=1e-10)
+
+
+def test_a_rest_ends_where_the_surface_lets_go_and_the_motion_repeats_itself():
+    motion = saltus.simulate(table(), {}, [0.0, 5.0], periods=12)
+    log = motion.events
+    leaves = log["after"][log["name"] == "leave"]
+    assert len(leaves) >= 8
+    np.testing.assert_allclose(leaves[2:, 2], math.asin(1.0 / 1.2), atol=1e-9)
+
+
+def test_a_branch_of_orbits_that_rest_has_no_points_where_impacts_are_summed_up():
+    orbit = saltus.find_orbit(table(), {}, [0.0, 5.0])
+    branch = saltus.continue_orbit(orbit, "e", (0.3, 0.6))
+    assert not len(branch.special_points)
+    assert all(reason.endswith("bound reached") for reason in branch.stopped)
+    counts = {len(branch.solution(i).segments) for i in range(len(branch))}
+    assert len(counts) > 3
+    index = int(np.argmin(np.abs(branch.values - 0.4)))
+    again = saltus.find_orbit(table(), {"e": float(branch.values[index])}, [0.0, 5.0])
+    np.testing.assert_allclose(branch.x0[index], again.x0, atol=1e-9)
+
+
+def test_sweeps_go_through_rests():
+    swept = saltus.run_sweep(table(), "a", [1.1, 1.2, 1.3], x0=[0.0, 5.0])
+    assert "period-1" in repr(swept)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"rests": "bed"}, "a mode to rest in"),
+        ({"direction": 0}, "with a direction"),
+        ({"reset": "v"}, "turns the velocity of the event back"),
+    ],
+)
+def test_what_does_not_come_to_rest_is_told(change, words):
+    with pytest.raises(DefinitionError, match=words):
+        ball(**change)
+
+
+def test_a_file_keeps_what_was_made_for_the_rest(tmp_path):
+    motion = saltus.simulate(ball(), {}, [1.0, 0.0], t_end=5.0)
+    motion.save(tmp_path / "motion.nc")
+    assert saltus.load(tmp_path / "motion.nc").system == ball()
