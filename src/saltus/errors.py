@@ -142,10 +142,13 @@ class StickingError(ChatteringError):
         Where the motion ended.
     surface : str
         Expression that vanishes where the field jumps.
+    lines : str, optional
+        The call by which the system is defined with a sliding mode.
     """
 
-    def __init__(self, time: float, state: Iterable[float], mode: str, surface: str) -> None:
+    def __init__(self, time: float, state: Iterable[float], mode: str, surface: str, lines: str = "") -> None:
         super().__init__(time, state, mode, surface)
+        self.args = (*self.args, lines)
 
     @property
     def transition(self) -> str:
@@ -160,7 +163,8 @@ class StickingError(ChatteringError):
     def __str__(self) -> str:
         return (
             f"sticking: the field of mode {self.mode!r} jumps at {self.surface} = 0 and holds the motion there from "
-            f"t = {self.time:.12g} on, state {list(self.state)}; give each side a mode, and the surface one"
+            f"t = {self.time:.12g} on, state {list(self.state)}; "
+            + (f"define it as {self.args[4]}" if self.args[4] else "give each side a mode, and the surface one")
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
 from saltus.flow.sticking import sticking_surface
+from saltus.system.filippov import lines_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -217,9 +218,14 @@ class EventDrivenMotion:
             if (infinite := self._infinite_event()) is not None:
                 raise DivergenceError(self.time, self.x, self.system.mode_names[self.mode], infinite)
             if surface is not None and self._looks >= _LOOKS:
-                raise StickingError(self.time, self.x, self.system.mode_names[self.mode], surface)
+                raise self._sticking(surface)
         if self.most_steps is not None and self.tries > self.most_steps and not self._looks:
             raise StiffnessError(self.time, self.x, self.system.mode_names[self.mode], self.tries)
+
+    def _sticking(self, surface: str) -> StickingError:
+        """Return the error of a motion that a jump of its field holds."""
+        lines = lines_of(self.system, self.mode, surface)
+        return StickingError(self.time, self.x, self.system.mode_names[self.mode], surface, lines)
 
     def _sticks_on(self) -> str | None:
         """Expression at whose zero the field jumps and holds the motion; None where it is not held."""
@@ -277,7 +283,7 @@ class EventDrivenMotion:
             last = int(self.counts[kernels.FIRED])
             return ChatteringError(t, self.x, mode, self.system.transitions[last].name)
         if status == kernels.STEP_UNDERFLOW and (surface := self._sticks_on()) is not None:
-            return StickingError(t, self.x, mode, surface)
+            return self._sticking(surface)
         if status == kernels.EVENT_NOT_FINITE:
             return DivergenceError(t, self.x, mode, self._infinite_event() or "an event function is not finite")
         step = self.numbers[kernels.STEP]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus.errors import DefinitionError
+from saltus.system.filippov import lines_of
 from saltus.system.once import once
 
 if TYPE_CHECKING:
@@ -93,7 +94,9 @@ def check_continuous(
                 if np.any(unlike):
                     name = system.mode_names[mode]
                     rate = system.modes[name].field[system.states[int(np.argmax(unlike))]]
-                    hint = f"it jumps at {jump.text} = 0: give each side a mode"
+                    lines = lines_of(system, mode, jump.text)
+                    hint = f"it jumps at {jump.text} = 0: "
+                    hint += f"define it as {lines}" if lines else "give each side a mode, and the surface one"
                     raise DefinitionError(
                         f"field of mode {name!r}", rate, "without a jump that the motion passes", hint
                     )

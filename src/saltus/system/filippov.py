@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import sympy
 
-__all__ = ["filippov"]
+__all__ = ["filippov", "lines_of"]
 
 _ABOVE, _BELOW, _ON = "+", "-", "0"
 _NAMES = {_ABOVE: "above", _BELOW: "below", _ON: "sliding"}  # modes where there is one surface
@@ -125,6 +125,37 @@ def filippov(
         listed, parameters, parts.modes(), parts.transitions(), phase=phase, outputs=outputs, groups=groups,
         positive=positive, parameter_bounds=parameter_bounds, let=let, angles=angles, name=name,
     )  # fmt: skip
+
+
+def lines_of(system: HybridSystem, mode: int, surface: str) -> str:
+    """Return the call of `filippov` that says what signs and moduli in a field say; empty where there is none.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        A system of one mode without transitions.
+    mode : int
+        Index of the mode.
+    surface : str
+        Argument of the signs and moduli.
+    """
+    import sympy
+
+    if len(system.modes) > 1 or system.transitions:
+        return ""
+    names = (*system.all_states, *system.parameters)
+    h = parse(surface, names, "surface")
+    field = system.modes[system.mode_names[mode]].field
+    sides = []
+    for sign in (1, -1):
+        known = {sympy.sign(h): sign, sympy.Abs(h): sign * h}
+        rates = {key: parse(text, names, "field").subs(known) for key, text in field.items()}
+        sides.append({key: text_of(rate, "field", names) for key, rate in rates.items()})
+    phase = f", phase={system.phase!r}" if system.phase else ""
+    return (
+        f"saltus.filippov({system.states!r}, {system.parameters!r}, surface={surface!r}, above={sides[0]!r}, "
+        f"below={sides[1]!r}{phase})"
+    )
 
 
 def _regions(
