@@ -133,3 +133,12 @@ def test_a_ball_comes_to_rest_on_a_table_and_leaves_it(e, rests):
     np.testing.assert_allclose(orbit.multipliers, [0.0, 0.0], atol=1e-9)
     assert orbit.period == pytest.approx(2.0 * math.pi)
     assert orbit.admissible
+
+
+def test_a_cycle_that_comes_near_0_is_exact():
+    # y' = 0 where the prey passes 6e-9; the period by SciPy's DOP853 at 2.3e-14 in logarithms of both states
+    orbit = saltus.find_orbit(harvested(), {"P": 2.6}, [0.3, 1.0])
+    assert orbit.period == pytest.approx(71.87531536, abs=5e-9)
+    assert orbit.min["x"] < 1e-8
+    rough = saltus.find_orbit(harvested(), {"P": 2.6}, [0.3, 1.0], tolerance=1e-10)
+    assert rough.period == pytest.approx(orbit.period, rel=1e-10)

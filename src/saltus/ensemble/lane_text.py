@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from saltus.ensemble.labels import FIELDS
 from saltus.ensemble.lane_kinds import pools_of
+from saltus.system.expansion import expanded
 from saltus.system.writer import Writer
 
 if TYPE_CHECKING:
@@ -44,8 +46,22 @@ class LaneText(Writer):
         self.lane_numbers: dict[str, int] = {}
         self._hoisted: dict[str, str] = {}
 
+    @cached_property
+    def touches(self) -> dict[int, set[int]]:
+        """Transitions out of sliding modes behind which a motion touches the surface of an event, by that event."""
+        s, found = self.system, dict[int, set[int]]()
+        for way, transition in enumerate(s.system.transitions):
+            surface = s.surface[s.source[way]]
+            if surface is None or any(g != x for g, x in zip(s.reset[way], s.x, strict=True)):
+                continue
+            for k, event in enumerate(s.event):
+                enters = s.system.mode_names[s.source[k]] == transition.target and s.surface[s.source[k]] is None
+                if enters and any(expanded(event + sign * surface) == 0 for sign in (-1, 1)):
+                    found.setdefault(k, set()).add(way)
+        return found
+
     def on(self, j: int) -> int:
-        """Field that is 1 where a motion starts on the surface of event j of its mode."""
+        """Field that is 1 where a motion starts on the surface of event j of its mode, 2 where it touches it there."""
         return self.n_states + len(FIELDS) + j
 
     def side(self, j: int) -> int:

@@ -157,11 +157,15 @@ def _landing(lane: LaneText, order: int, event: str, j: int, transition: int) ->
     """The one crossing of an event function within the step: Bernstein's coefficients have one change of sign.
 
     On the surface the first of them is 0, and the others have the signs of those of the function over the time since.
+    Where a motion touches the surface as it begins, the first two are 0.
     """
     side = lane.side_of(j, transition)
+    touches = transition in lane.touches
     lines = [f"on = {lane.load(lane.on(j))} > 0.5", f"c0 = 0.0 if on else {side}*{event}_0", "u = h"]
     for i in range(1, order + 1):
         lines.append(f"c{i} = {side}*{event}_{i}*u")
+        if i == 1 and touches:
+            lines += [f"twice = {lane.load(lane.on(j))} > 1.5", "c1 = 0.0 if twice else c1"]
         if i < order:
             lines.append("u = u*h")
     for i in range(order + 1):
@@ -170,6 +174,7 @@ def _landing(lane: LaneText, order: int, event: str, j: int, transition: int) ->
     lines += [
         f"v{j} = b{order}",
         f"r{j} = {float(order)!r}*(b{order} - b{order - 1})/h",
+        *([f"b1 = {0.5 * (order - 1)!r}*b2 if twice else b1"] if touches else []),
         f"b0 = {float(order)!r}*b1 if on else b0",
         f"rises = (not (b0 > 0.0)) | rises_again({', '.join(f'b{i}' for i in range(1, order + 1))})",
         f"lands = (not rises) & (b{order} <= 0.0)",

@@ -132,7 +132,7 @@ class LaneWriter(LaneText):
                 if about:
                     lines.append("        pass")
                 else:
-                    lines.append(f"        {self.store(self.on(j), '1.0')}")
+                    lines.append(f"        {self.store(self.on(j), self._on_value(j, k))}")
                     if not direction:
                         # a side that rounding decides is the event-driven flow's to tell
                         lines += [
@@ -152,6 +152,10 @@ class LaneWriter(LaneText):
             lines.append(f"    return {mode}")
             texts.append("\n".join(lines) + "\n")
         return "".join(texts)
+
+    def _on_value(self, j: int, k: int) -> str:
+        """Text of what a lane's field `on` holds of event j of a mode, transition k, on whose surface it starts."""
+        return f"(2.0 if on & {1 << (j + self.n_events)} else 1.0)" if k in self.touches else "1.0"
 
     def _size_of_terms(self, expression: sympy.Expr, names: dict[sympy.Expr, str]) -> str:
         """Text of the size of the terms that an expression sums up, from its slopes."""
@@ -219,16 +223,31 @@ class LaneWriter(LaneText):
                     f"    if not abs({value})*{self.place(f'escale{transition}')} < {_CLOSE!r}:",
                     f"        return {HARD}",
                 ]
-            if s.when[transition] != 1:
-                lines += [f"    if not {self.text_of(s.when[transition], names)} > 0.0:", f"        return {HARD}"]
-            resets = [
-                f"    {self.store(i, self.text_of(value, names))}"
-                for i, (value, symbol) in enumerate(zip(s.reset[transition][: self.n_states], s.x, strict=False))
-                if value != symbol
-            ]
-            target = list(s.system.modes).index(s.system.transitions[transition].target)
-            lines += [*resets, f"    return enter_{target}(S, l, {self._surfaces(transition, target)}, p, q)"]
+            for way in self._alike(transition):
+                lines += [f"    {line}" for line in self._happening(way, names)]
+            lines.append(f"    return {HARD}")
         return lines
+
+    def _alike(self, transition: int) -> list[int]:
+        """Transitions out of the same mode that happen at the same event, in the order of the definition."""
+        s, own = self.system, self.system.system.transitions[transition]
+        same = [k for k, event in enumerate(s.event) if s.source[k] == s.source[transition]
+                and event == s.event[transition] and s.system.transitions[k].direction == own.direction]  # fmt: skip
+        return same if s.when[transition] != 1 else [transition]
+
+    def _happening(self, transition: int, names: dict[sympy.Expr, str]) -> list[str]:
+        """Statements by which a lane takes a transition, if its condition holds."""
+        s = self.system
+        lines = [
+            self.store(i, self.text_of(value, names))
+            for i, (value, symbol) in enumerate(zip(s.reset[transition][: self.n_states], s.x, strict=False))
+            if value != symbol
+        ]
+        target = list(s.system.modes).index(s.system.transitions[transition].target)
+        lines.append(f"return enter_{target}(S, l, {self._surfaces(transition, target)}, p, q)")
+        if s.when[transition] == 1:
+            return lines
+        return [f"if {self.text_of(s.when[transition], names)} > 0.0:", *(f"    {line}" for line in lines)]
 
     def _surfaces(self, transition: int, target: int) -> int:
         """Bits of the events of the target mode that vanish on the surface of a transition, after its reset."""
@@ -239,6 +258,8 @@ class LaneWriter(LaneText):
             event = s.event[k].xreplace(moved)
             if any(expanded(event + sign * s.event[transition]) == 0 for sign in (-1, 1)):
                 bits |= 1 << j
+            if transition in self.touches.get(k, ()):
+                bits |= 1 << j | 1 << (j + self.n_events)
         return bits
 
     def _to_modal(self, k: int) -> list[str]:

@@ -34,10 +34,13 @@ class Symbolic:
         phase_rate = [] if system.phase is None else [self._read(system.phase[1], tuple(system.parameters), "phase")]
         self.field = []
         self.domain = []
+        self.surface: list[sympy.Expr | None] = []
         for key, mode in system.modes.items():
             where = f"{system.part} {key!r}"
             self.field.append([self._read(mode.field[name], names, where) for name in system.states] + phase_rate)
             self.domain.append(sympy.Integer(1) if mode.domain is None else self._read(mode.domain, names, where))
+            surface = mode.surface
+            self.surface.append(None if surface is None else self._read(surface, names, where))
         self.event, self.reset, self.when = [], [], []
         for transition in system.transitions:
             where = f"transition {transition.name!r}"
