@@ -58,7 +58,7 @@ def test_a_start_is_a_special_point(start):
     assert said == f"start = {start!r}: must be a SpecialPoint; branch['PD1'] is one"
 
 
-@pytest.mark.parametrize(("kind", "hint"), [("SM", "; did you mean 'SN'?"), ("CP", ""), ("TP", "")])
+@pytest.mark.parametrize(("kind", "hint"), [("SNN", "; did you mean 'SN'?"), ("CP", ""), ("TP", "")])
 def test_types_are_known(fold, kind, hint):
     said = message(fold, PAIR, BOUNDS, type=kind)
     assert said.startswith(f"type = {kind!r}: must be one of SN, PD, TR, BP, GR")

@@ -96,7 +96,7 @@ def _at_origin(problem: Equations, u: NDArray[np.float64], size: float) -> bool:
 
 def nearest_to_zero(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> float:
     """Return how near a state comes to 0 that keeps its sign, over its largest modulus; 1 where none comes near."""
-    keeps = lows * highs > 0.0
+    keeps = np.sign(lows) * np.sign(highs) > 0.0
     if not np.any(keeps):
         return 1.0
     ends = np.abs(np.stack([lows[keeps], highs[keeps]]))
