@@ -78,8 +78,8 @@ def continue_locus(
 ) -> Locus | EquilibriumLocus | MapLocus:
     """Return the locus of critical orbits or equilibria through a special point, as two parameters vary.
 
-    At a point of a user's event, as ``events={"min_z": 0.1}`` of a branch records it, the locus has the solutions of
-    which the quantity keeps its value.
+    At a point of a user's event, the locus has the solutions of which the quantity keeps its value. A branch records
+    such points with ``events={"min_z": 0.1}``.
 
     Every point is a corrected critical orbit. A multiplier is 1 (SN), -1 (PD) or on the unit circle (TR), a contact is
     tangential (GR), or branches meet (BP). An equilibrium has an eigenvalue 0 (SN), an imaginary pair (HB), or lies on

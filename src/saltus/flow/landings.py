@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.system.angles import at_phases
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def landings_beyond(
         landed = events[events["mode_after"] == transition.source]
         if not landed.size or transition.direction == 0 or transition.target == transition.source:
             continue
-        if system.at_phases(transition):
+        if at_phases(system, transition):
             continue
         values, there = _beyond(system, parameters, transition, landed["after"], sizes)
         moved = landed["mode_before"] != transition.source

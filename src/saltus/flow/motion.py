@@ -11,6 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
 from saltus.flow.sticking import sticking_surface
+from saltus.system.angles import at_phases
 from saltus.system.filippov import lines_of
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ class EventDrivenMotion:
                 continue
             if transition.target == source and not transition.reset:
                 side[k] = self.kernels.PASSES
-            elif self.system.at_phases(transition):
+            elif at_phases(self.system, transition):
                 out, near = np.empty(2), self.kernels.AT_WRAP
                 self.system.compiled.call("event", k, 0, self.x, self.p, out)
                 side[k] = -np.sign(out[1])
@@ -303,7 +304,7 @@ def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
 
     out, extended = np.empty(2), system.compiled.extended(p)
     for k, transition in enumerate(system.transitions):
-        if system.at_phases(transition):
+        if at_phases(system, transition):
             x = np.zeros(len(system.all_states))
             rate = float(system.compiled.field(system.mode_index(transition.source), x, p)[-1])
             system.compiled.call("event", k, 0, x, extended, out)

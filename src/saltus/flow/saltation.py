@@ -8,6 +8,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError
+from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -91,4 +92,4 @@ def saltation_matrix(
         hint = "the motion grazes the surface, where no saltation matrix exists"
         raise InputError(f"normal velocity at transition {transition!r}", rate, "different from 0", hint)
     full = np.asarray(reset_x + np.outer(f2 - reset_x @ f1, event_x) / rate)
-    return np.delete(np.delete(full, system.absent(target), axis=0), system.absent(source), axis=1)
+    return np.delete(np.delete(full, absent_states(system, target), axis=0), absent_states(system, source), axis=1)

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import InputError
+from saltus.system.angles import at_phases
 from saltus.system.evaluate import evaluate
+from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,7 +74,7 @@ def _leaves_to_either_side(
 
 def _check_own(system: HybridSystem, mode: str, x: NDArray[np.float64], p: NDArray[np.float64]) -> None:
     """Raise `InputError` where a state has what its mode lacks, or is off the surface along which the mode slides."""
-    if np.any(x[(absent := system.absent(system.mode_index(mode)))] != 0.0):
+    if np.any(x[(absent := absent_states(system, system.mode_index(mode)))] != 0.0):
         names = ", ".join(system.states[i] for i in absent)
         raise InputError("x0", x.tolist(), f"of the states of mode {mode!r}", f"it lacks {names}")
     surface = system.modes[mode].surface
@@ -89,7 +91,7 @@ def _check_own(system: HybridSystem, mode: str, x: NDArray[np.float64], p: NDArr
 def allowed_modes(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> Iterator[int]:
     """Go through the indices of the modes in which a motion may start at x."""
     for index in range(len(system.modes)):
-        if np.any(x[system.absent(index)] != 0.0):
+        if np.any(x[absent_states(system, index)] != 0.0):
             continue
         if domain_value(system, index, x, p) > 0.0 and not passed_event(system, index, x, p):
             yield index
@@ -102,7 +104,7 @@ def passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDA
     for k, transition in enumerate(system.transitions):
         if system.mode_names.index(transition.source) != mode or transition.target == transition.source:
             continue
-        if system.at_phases(transition):  # it comes again
+        if at_phases(system, transition):  # it comes again
             continue
         compiled.call("event", k, 0, x, extended, event)
         side = event[0] if event[0] != 0.0 else event[1]

@@ -20,6 +20,7 @@ from saltus.flow.observables import Motion, dense_states, observe
 from saltus.result import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
+from saltus.system.own_states import absent_states
 from saltus.system.plain import held_parameters, held_system
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ class Trajectory(Result):
         states[flat >= self.t_end] = self.x_end
         modes = self._modes_at(flat)
         for mode in np.unique(modes).tolist():
-            states[np.ix_(modes == mode, self.system.absent(mode))] = math.nan
+            states[np.ix_(modes == mode, absent_states(self.system, mode))] = math.nan
         return states if times.ndim else states[0]
 
     def mode_at(self, t: ArrayLike) -> Any:

@@ -271,8 +271,8 @@ class Branching:
 class Grazing:
     """An orbit on the border of its signature.
 
-    A segment has no length or lies on a surface as a whole, an event is met without velocity, or the condition of a
-    transition runs out.
+    A segment has no length, or lies on a surface as a whole. Or an event is met without velocity, or where another one
+    happens, or where the condition of its transition runs out.
 
     Parameters
     ----------

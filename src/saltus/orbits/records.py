@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.orbits.signature import BOUNDARY, SECTION, STOP
+from saltus.system.angles import at_phases
+from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,7 +92,7 @@ class Found(NamedTuple):
     rates: NDArray[np.float64]
     # shape (segments, transitions): how far each segment's end is from the surface of each event that comes nearer
     # there, if its condition holds; NaN for others, and for those in either direction
-    ahead: NDArray[np.float64]
+    distances: NDArray[np.float64]
     x0: NDArray[np.float64]  # shape (n,): state at phase 0
     # shape (n + outputs, 3): means of every state and output, and of their products with cosine and sine of the angle
     moments: NDArray[np.float64]
@@ -145,14 +147,19 @@ def events_of(system: HybridSystem) -> Events:
         directions=np.array([t.direction for t in system.transitions], dtype=np.int64),
         surfaces=np.array([_surface(system, t) for t in system.transitions], dtype=np.int64),
         alike=_alike([transition.event for transition in system.transitions]),
-        absent=np.array(
-            [int(i in system.absent(mode)) for mode in range(len(system.modes)) for i in range(system.compiled.n)],
-            dtype=np.int64,
-        ),
+        absent=_absent(system),
         modes=len(system.modes),
         outputs=system.compiled.n_outputs,
         phase=system.phase is not None,
     )
+
+
+def _absent(system: HybridSystem) -> NDArray[np.int64]:
+    """Return 1 where a mode lacks a component of the full state, shape (modes * n,)."""
+    found = np.zeros((len(system.modes), system.compiled.n), dtype=np.int64)
+    for mode, row in enumerate(found):
+        row[absent_states(system, mode)] = 1
+    return found.ravel()
 
 
 def _alike(texts: list[str]) -> NDArray[np.int64]:
@@ -162,7 +169,7 @@ def _alike(texts: list[str]) -> NDArray[np.int64]:
 
 def _surface(system: HybridSystem, transition: Transition) -> int:
     """Return what the event of a transition does to motions that meet its surface."""
-    if system.at_phases(transition):
+    if at_phases(system, transition):
         return SECTION
     if transition.target != transition.source:
         return BOUNDARY

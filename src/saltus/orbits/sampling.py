@@ -12,6 +12,7 @@ from saltus.flow.observables import Motion, dense_states
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.winding import rotating_of
 from saltus.system.evaluate import evaluate
+from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -73,7 +74,7 @@ def sample_orbit(problem: OrbitProblem, u: NDArray[np.float64], points: int = 40
     system, parameters = problem.system, _parameters(problem, u)
     times, states, modes = _follow(problem, u, points)
     for mode in np.unique(modes).tolist():
-        states[np.ix_(modes == mode, system.absent(mode))] = math.nan
+        states[np.ix_(modes == mode, absent_states(system, mode))] = math.nan
     columns = dict(zip(system.all_states, states.T, strict=True))
     columns |= {name: evaluate(system, name, states, modes, parameters) for name in system.output_names}
     if system.phase is not None:

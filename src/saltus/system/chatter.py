@@ -158,7 +158,7 @@ class _Settling:
     def leaving(self, transition: Transition) -> Transition:
         """Return a transition; one from the resting mode gets the velocity that a motion has a moment behind it.
 
-        Where the surface lets a motion go, height, rate and pull of the event are 0, and rounding alone would decide
+        Where the surface lets a motion go, height, rate and pull of the event are 0. Rounding alone would decide
         whether the next impact happens at once.
         """
         if (transition.source, transition.target) != (self.t.rests, self.t.source) or transition.reset:

@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import DefinitionError, InputError, nearest
-from saltus.system.expressions import NAME, Names, check_name, text_of
+from saltus.system.expressions import Names, check_name, text_of
 from saltus.system.grammar import chosen_among, clipped
 from saltus.system.own_states import completed_mode, completed_transition
 from saltus.system.parts import (
@@ -150,11 +150,6 @@ class Definition:
     def output_names(self) -> tuple[str, ...]:
         """Names of the outputs, in the order of definition."""
         return tuple(self.outputs)
-
-    def absent(self, mode: int) -> NDArray[np.int64]:
-        """Return the places of the states that a mode, by its index, lacks."""
-        own = self.modes[self.mode_names[mode]].states or self.states
-        return np.array([i for i, name in enumerate(self.states) if name not in own], dtype=np.int64)
 
     def definition(self) -> dict[str, Any]:
         """Return the definition as plain data, from which `from_definition` makes an equal system."""
@@ -366,12 +361,6 @@ class Definition:
             There is no mode of that name.
         """
         return self.mode_names.index(checks.chosen(self.part, mode, self.modes))
-
-    def at_phases(self, transition: Transition) -> bool:
-        """Return whether an event function knows the phase alone, and no state: the event comes again and again."""
-        if self.phase is None:
-            return False
-        return not set(self.states) & set(NAME.findall(transition.event))
 
     def _clean_outputs(self, outputs: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, str]]:
         clean: dict[str, dict[str, str]] = {}

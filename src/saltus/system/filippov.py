@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 __all__ = ["filippov", "lines_of"]
 
-_ABOVE, _BELOW, _ON = "+", "-", "0"
+_ABOVE = "+"
+_BELOW = "-"
+_ON = "0"
 _NAMES = {_ABOVE: "above", _BELOW: "below", _ON: "sliding"}  # modes where there is one surface
 _NO_WAY = "no single way on"  # mode in which a motion ends where surfaces meet
 _NOWHERE = "-1"  # domain of a mode in which no motion goes on

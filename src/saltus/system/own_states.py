@@ -9,12 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from saltus.errors import DefinitionError, nearest
 from saltus.system.expressions import NAME
 from saltus.system.parts import Mode, Transition
 
-__all__ = ["completed_mode", "completed_transition"]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["absent_states", "completed_mode", "completed_transition"]
 
 _ABSENT = "0"  # value, and rate, of a state that a mode lacks
 
@@ -89,3 +95,9 @@ def _check_known(where: str, texts: Iterable[str], lacking: list[str], mode: str
     for text in texts:
         if used := [name for name in NAME.findall(text) if name in lacking]:
             raise DefinitionError(where, text, f"an expression without {used[0]}", f"{mode} lacks this state")
+
+
+def absent_states(system: Any, mode: int) -> NDArray[np.int64]:
+    """Return the places of the states that a mode lacks, by its index."""
+    own = system.modes[system.mode_names[mode]].states or system.states
+    return np.array([i for i, name in enumerate(system.states) if name not in own], dtype=np.int64)

@@ -24,7 +24,7 @@ __all__ = ["seen_beside"]
 def seen_beside(problem: OrbitProblem, u: NDArray[np.float64], step: float, rounds: int = 1) -> Neighbour | None:
     """Return the orbit at a parameter next to that of the orbit `u`, in the signature that a motion there has.
 
-    The motion starts in the middle of the longest segment off all surfaces, and lasts for some of the orbit's periods,
+    The motion starts in the middle of the longest segment off all surfaces. It lasts for some of the orbit's periods,
     of which the last one is read. None where it does not lead to an orbit.
 
     Parameters

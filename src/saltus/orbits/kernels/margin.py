@@ -59,7 +59,7 @@ def margin(view, curve, k, head, transition, before, closed, room, found):
             view.functions[GUARD], view.modes + k, 0, pointer(curve.nodes, curve.count * view.n), 0, view.p, room.one, 0
         )
         if room.one[0] > 0.0:
-            found.ahead[head * view.transitions + k] = height[total]
+            found.distances[head * view.transitions + k] = height[total]
     size, top, bottom = 0.0, height[0], height[0]
     for j in range(total + 1):
         size = max(size, abs(height[j]))

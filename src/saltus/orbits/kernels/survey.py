@@ -72,7 +72,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         for k in range(view.transitions):
             found.margins[i * view.transitions + k] = np.inf
             found.places[i * view.transitions + k] = 0.5
-            found.ahead[i * view.transitions + k] = np.nan
+            found.distances[i * view.transitions + k] = np.nan
         if kinds[i] != CUT_END:
             head, steps = i, int64(0)
         if head < i or (i + 1 < segments and kinds[i + 1] == CUT_END):
@@ -151,7 +151,7 @@ def _pointed(found):
         pointer(found.margins, 0),
         pointer(found.places, 0),
         pointer(found.rates, 0),
-        pointer(found.ahead, 0),
+        pointer(found.distances, 0),
         pointer(found.x0, 0),
         pointer(found.moments, 0),
     )
