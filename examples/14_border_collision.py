@@ -1,8 +1,8 @@
 """A boost converter enters discontinuous conduction: a branch of orbits with a border collision.
 
-A switch is on for a share D of each period. With a small load R the current never stops. From the border collision on it
-falls to 0 before the period ends, and the diode blocks. Known answer without the ripple of the voltage: the border is at R
-= 2 L/(T D (1 - D)^2), and in discontinuous conduction the voltage is E (1 + sqrt(1 + 2 D^2 R T/L))/2.
+A switch is on for a share D of each period. With a small load R the current never stops. From the border collision on
+it falls to 0 before the period ends, and the diode blocks. Known answer without the ripple of the voltage: the border
+is at R = 2 L/(T D (1 - D)^2), and in discontinuous conduction the voltage is E (1 + sqrt(1 + 2 D^2 R T/L))/2.
 
     python 14_border_collision.py [picture]
 """

@@ -1,8 +1,8 @@
 """A block on a belt: orbits that stick, the four sliding bifurcations between them, and their loci.
 
-The oscillator x'' + x = cos(theta) - F sgn(x' - u) with theta' = w is driven, with dry friction on a belt of speed u. An
-orbit is a word: P where the block is faster than the belt, M where it is slower, S where it sticks. Known answers, by
-closed forms of the motion in 30 digits, are the four values of w at F = 0.4 and u = 0.3.
+The oscillator x'' + x = cos(theta) - F sgn(x' - u) with theta' = w is driven, with dry friction on a belt of speed u.
+An orbit is a word: P where the block is faster than the belt, M where it is slower, S where it sticks. Known answers,
+in 30 digits, are the four values of w at F = 0.4 and u = 0.3.
 
     python 15_sliding.py [picture]
 """
@@ -10,7 +10,6 @@ closed forms of the motion in 30 digits, are the four values of w at F = 0.4 and
 import sys
 from pathlib import Path
 
-import numpy as np
 from matplotlib import pyplot as plt
 
 import saltus
@@ -58,7 +57,7 @@ for kind, locus in loci.items():
     chart.plot(w, F, color=colours[kind], label=f"{kind}, {style.SPECIAL[kind].meaning}")
     at = branch[f"{kind}1"].parameters["w"]
     chart.plot(at, 0.4, "o", color=colours[kind], markersize=5.0)
-for word, w in words.items():
+for w in words.values():
     chart.plot(w, 0.4, "|", color="0.35", markersize=8.0)
 meeting = loci["AS"]["SS1"].parameters
 chart.plot(meeting["w"], meeting["F"], "ko", markersize=6.0, label="AS and SS meet", zorder=5)

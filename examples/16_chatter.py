@@ -1,8 +1,8 @@
 """A ball on a vibrating table comes to rest: complete chatter, and a flight once a period.
 
-The table is at a sin(theta). It throws the ball where a sin(theta) = g and the table slows down. The impacts that follow
-accumulate, and the ball rests until the table throws it again. Known answer from exact parabolas in 60 digits: for a = 1.2
-and e = 0.5 it rests from theta = 4.13360620053988 on.
+The table is at a sin(theta). It throws the ball where a sin(theta) = g and the table slows down. The impacts that
+follow accumulate, and the ball rests until the table throws it again. Known answer from exact parabolas in 60 digits:
+for a = 1.2 and e = 0.5 it rests from theta = 4.13360620053988 on.
 
     python 16_chatter.py [picture]
 """

@@ -1,8 +1,8 @@
 """A driven mass at a viscoelastic wall: a state that exists only while they touch.
 
-The wall is a standard linear solid, a spring k0 beside a spring k1 in series with a dashpot. Its memory q begins at 0 at
-each touch. The wall lets go where its force is 0, while the mass is still beyond the wall's place at rest. Known answer, by
-matrix exponentials: at w = 1.2 the mass touches with the velocity 2.5064148550713, for 0.7577372022708.
+The wall is a standard linear solid, a spring k0 beside a spring k1 in series with a dashpot. Its memory q begins at 0
+at each touch. The wall lets go where its force is 0, while the mass is still beyond the wall's place at rest. Known
+answer, by matrix exponentials: at w = 1.2 the mass touches with the velocity 2.5064148550713, for 0.7577372022708.
 
     python 17_changing_dimension.py [picture]
 """
@@ -37,9 +37,8 @@ wall = saltus.HybridSystem(
 orbit = saltus.find_orbit(wall, x0=[0.0, 0.0, 0.0])
 print(orbit)
 contact = next(part for part in orbit.segments if part.mode == "contact")
-print(
-    f"touches at v = {contact.state[1]:.11f}, lasts {contact.duration:.11f}, apart {contact.state[1] - 2.5064148550713:.0e}"
-)
+speed = contact.state[1]
+print(f"touches at v = {speed:.11f}, lasts {contact.duration:.11f}, apart {speed - 2.5064148550713:.0e}")
 
 figure, (left, right) = plt.subplots(
     1, 2, figsize=(10.5, 4.4), layout="constrained", gridspec_kw={"width_ratios": [1, 1.2]}

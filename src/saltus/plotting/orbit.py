@@ -157,7 +157,7 @@ def _cut_at_pi(curve: NDArray[np.float64], column: int) -> list[NDArray[np.float
 def _draw_curve(
     ax: Axes, system: HybridSystem, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, *, named: bool
 ) -> None:
-    """Draw a curve, shape (vertex, 2), in the colour of a mode, cut where an angle passes 2 pi; thick where it slides."""
+    """Draw a curve, shape (vertex, 2), in the colour of a mode, cut where an angle passes 2 pi; thick where sliding."""
     from matplotlib import rcParams
 
     name = system.mode_names[mode]
