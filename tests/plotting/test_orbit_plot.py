@@ -11,6 +11,7 @@ import saltus
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.plotting import style
+from sliding import planar, table
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +106,21 @@ def test_expressions_are_drawn_like_outputs(tapping_orbit):
     assert len(named) == len(written) == 3
     for one, other in zip(named, written, strict=True):
         assert one.get_xydata() == pytest.approx(other.get_xydata(), abs=1e-14)
+
+
+def test_sliding_segments_are_thick_and_named():
+    orbit = saltus.find_orbit(planar(), {"mu": 1.2}, [1.0, 0.2])
+    above, sliding, _ = orbit.plot().lines
+    assert [line.get_label() for line in (above, sliding)] == ["above", "sliding"]
+    assert sliding.get_linewidth() > 2.0 * above.get_linewidth()
+    assert sliding.get_ydata() == pytest.approx(-1.0, abs=1e-12)
+
+
+def test_a_mode_that_slides_under_another_name_is_told_from_others():
+    motion = saltus.simulate(table(), {}, [0.0, 1.2], periods=2)
+    labels = {line.get_label(): line for line in motion.plot().lines}
+    assert {"flight", "rest (sliding)"} <= set(labels)
+    assert labels["rest (sliding)"].get_linewidth() > 2.0 * labels["flight"].get_linewidth()
 
 
 def test_an_orbit_without_events_is_one_curve(impact_oscillator):

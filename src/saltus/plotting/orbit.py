@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 __all__ = ["circles_of", "draw_curves", "draw_jump", "on_sheets", "plot_orbit", "segments_of", "unwrapped_parts"]
 
+_SLIDING = "sliding"  # word of a legend for modes whose motions slide along a surface
+_THICKER = 2.5  # times that their lines are wider than others
+
 
 @plot.register(PeriodicOrbit)
 def plot_orbit(
@@ -31,7 +34,8 @@ def plot_orbit(
 ) -> Axes:
     """Draw a periodic orbit and return the matplotlib Axes.
 
-    The curve has the colour of the mode. Dots mark the ends of segments. Dotted lines join the two sides of a reset.
+    The curve has the colour of the mode, and is thick where the motion slides. Dots mark the ends of segments. Dotted
+    lines join the two sides of a reset.
 
     Parameters
     ----------
@@ -112,7 +116,7 @@ def draw_curves(
     named: set[int] = set()
     for curve, mode in zip(curves, modes, strict=True):
         for part in on_sheets(curve, circles):
-            _draw_curve(ax, part, wrapped, mode, "_" if mode in named else system.mode_names[mode])
+            _draw_curve(ax, system, part, wrapped, mode, named=mode in named)
             named.add(mode)
     ax.set_xlabel(style.label_of(names[0]))
     ax.set_ylabel(style.label_of(names[1]))
@@ -150,10 +154,18 @@ def _cut_at_pi(curve: NDArray[np.float64], column: int) -> list[NDArray[np.float
     return parts
 
 
-def _draw_curve(ax: Axes, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, label: str) -> None:
-    """Draw a curve, shape (vertex, 2), in the colour of a mode, cut where an angle passes 2 pi."""
+def _draw_curve(
+    ax: Axes, system: HybridSystem, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, *, named: bool
+) -> None:
+    """Draw a curve, shape (vertex, 2), in the colour of a mode, cut where an angle passes 2 pi; thick where sliding."""
+    from matplotlib import rcParams
+
+    name = system.mode_names[mode]
+    slides = system.modes[name].surface is not None
+    label = "_" if named else name if name == _SLIDING or not slides else f"{name} ({_SLIDING})"
+    width = rcParams["lines.linewidth"] * (_THICKER if slides else 1.0)
     for part in unwrapped_parts(curve, wrapped):
-        ax.plot(part[:, 0], part[:, 1], color=style.colour_of_mode(mode), label=style.plain(label))
+        ax.plot(part[:, 0], part[:, 1], color=style.colour_of_mode(mode), linewidth=width, label=style.plain(label))
         label = "_"
 
 

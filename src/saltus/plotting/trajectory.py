@@ -28,7 +28,8 @@ def plot_trajectory(
 ) -> Axes:
     """Draw a trajectory and return the matplotlib Axes.
 
-    The curve has the colour of the mode. Dotted lines join the two sides of a reset. Dots mark events that graze.
+    The curve has the colour of the mode, and is thick where the motion slides. Dotted lines join the two sides of a
+    reset. Dots mark events that graze.
 
     Parameters
     ----------
