@@ -126,7 +126,10 @@ def test_what_is_no_special_point_has_no_other_branch(given):
 
 
 def test_only_at_a_grazing_signatures_meet(henon):
-    refuse("point = 'SN': must be of type GR, CS, GS, SS, AS, BC; only there signatures meet", lambda: grazing_orbits(henon["SN1"]))
+    refuse(
+        "point = 'SN': must be of type GR, CS, GS, SS, AS, BC; only there signatures meet",
+        lambda: grazing_orbits(henon["SN1"]),
+    )
 
 
 def test_an_orbit_or_a_branch_is_no_special_point(logistic):

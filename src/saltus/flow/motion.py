@@ -121,7 +121,7 @@ class EventDrivenMotion:
         states = n - 1 if self.rate > 0.0 else n
         counts = n, states, len(system.modes), len(system.transitions)
         return (
-            kernels.System(self.addresses, self.transitions, self.p, self.rate, *counts),
+            kernels.System(self.addresses, self.transitions, _clocks(system), self.p, self.rate, *counts),
             kernels.Tolerances(self.rtol, self.atol),
             kernels.State(
                 self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
@@ -296,6 +296,14 @@ class EventDrivenMotion:
             kernels.RESET_NOT_FINITE: "a reset is not finite",
         }[status]
         return DivergenceError(t, self.x, mode, reason)
+
+
+def _clocks(system: HybridSystem) -> NDArray[np.int64]:
+    """Return the first transition with the same event function of the phase alone; -1 for other events."""
+    texts = [transition.event for transition in system.transitions]
+    return np.array(
+        [texts.index(t.event) if at_phases(system, t) else -1 for t in system.transitions], dtype=np.int64
+    )  # fmt: skip
 
 
 def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:

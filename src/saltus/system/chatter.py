@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["with_rests"]
 
 _SLOWLY = 10.0  # times that the pull towards the surface may not change by itself within the time left
-_MOMENT = 1e-2  # time behind the end of a rest at which a motion goes on, over the time left to a sequence
+_MOMENT = 1e-3  # time behind the end of a rest at which a motion goes on, over the time left to a sequence
 _SHARE = 1e-5  # time left in which a sequence of impacts is summed up, over the period of the phase
 
 

@@ -78,9 +78,8 @@ class Definition:
         let = mapping_of(let, "let", "of names to expressions")
         self.phase = clean_phase(phase, (*self.states, *self.parameters), let)
         names = Names((*self.all_states, *self.parameters)).with_let(let)
-        self.modes = {
-            key: completed_mode(key, mode, self.states) for key, mode in self._clean_modes(modes, names).items()
-        }
+        read = self._clean_modes(modes, names)
+        self.modes = {key: completed_mode(key, mode, self.states, self.phase) for key, mode in read.items()}
         listed = sequence_of(transitions, "transitions", "of Transition")
         clock = None if self.phase is None else self.phase[0]
         self.transitions = tuple(
@@ -160,7 +159,7 @@ class Definition:
             "phase": None if self.phase is None else list(self.phase),
             "modes": {
                 key: {
-                    "field": dict(mode.field), "domain": mode.domain,
+                    "field": {name: mode.field[name] for name in mode.states or mode.field}, "domain": mode.domain,
                     **({} if mode.surface is None else {"surface": mode.surface}),
                     **({} if mode.states is None else {"states": list(mode.states)}),
                 }

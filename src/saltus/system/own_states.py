@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 
 __all__ = ["absent_states", "completed_mode", "completed_transition"]
 
-_ABSENT = "0"  # value, and rate, of a state that a mode lacks
+_ABSENT = "0"  # value of a state that a mode lacks
+# Rate, over that of the phase, at which a disturbance of such a state fades: an orbit without a mode that has the state
+# would be one of a family otherwise.
+_DECAYS = 6
 
 
-def completed_mode(key: str, mode: Mode, states: tuple[str, ...]) -> Mode:
+def completed_mode(key: str, mode: Mode, states: tuple[str, ...], phase: tuple[str, str] | None) -> Mode:
     """Return a mode with an equation for each state of the system, and its own states named.
 
     Parameters
@@ -36,6 +39,8 @@ def completed_mode(key: str, mode: Mode, states: tuple[str, ...]) -> Mode:
         The mode, its expressions texts.
     states : tuple of str
         States of the system.
+    phase : (str, str) or None
+        Name and rate of its phase.
 
     Raises
     ------
@@ -49,12 +54,14 @@ def completed_mode(key: str, mode: Mode, states: tuple[str, ...]) -> Mode:
         wanted = f"states of the system: {', '.join(states)}"
         raise DefinitionError(where, unknown[0], wanted, nearest(unknown[0], states))
     lacking = [name for name in states if name not in mode.states]
-    if extra := [name for name in lacking if mode.field.get(name, _ABSENT) != _ABSENT]:
+    if extra := [name for name in lacking if name in mode.field]:
         raise DefinitionError(where, extra[0], f"one of its states: {', '.join(mode.states)}")
+    rate = "1" if phase is None else f"{_DECAYS}*({phase[1]})"
     texts = [*mode.field.values(), *(text for text in (mode.domain, mode.surface) if text is not None)]
     _check_known(where, texts, lacking, f"mode {key!r}")
     own = tuple(name for name in states if name in mode.states)
-    return replace(mode, field={**mode.field, **dict.fromkeys(lacking, _ABSENT)}, states=own if lacking else None)
+    fading = {name: f"-({rate})*{name}" for name in lacking}
+    return replace(mode, field={**mode.field, **fading}, states=own if lacking else None)
 
 
 def completed_transition(transition: Transition, modes: Mapping[str, Mode], states: tuple[str, ...]) -> Transition:

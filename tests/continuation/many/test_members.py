@@ -589,7 +589,10 @@ def test_a_client_needs_no_processes_and_must_be_one(orbit):
     [
         ({"parameter": "AA"}, "parameter = 'AA': must be one of k, c, d, e, w, A; did you mean 'A'?"),
         ({"bounds": (2.0, 1.0)}, "bounds = (2.0, 1.0): must be two numbers, the lower first"),
-        ({"options": BranchOptions(stop_at="XX")}, "stop_at = 'XX': must be one of SN, PD, TR, BP, GR, CS, GS, SS, AS, BC"),
+        (
+            {"options": BranchOptions(stop_at="XX")},
+            "stop_at = 'XX': must be one of SN, PD, TR, BP, GR, CS, GS, SS, AS, BC",
+        ),
         ({"options": "up"}, "options = 'up': must be a BranchOptions"),
         ({"orbit": 3}, "orbit = 3: must be a PeriodicOrbit; find_orbit and solve_orbit give one"),
     ],

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["CONTINUOUS", "FOLDS", "PERSISTS", "Crossing", "beyond_boundary", "slope_of"]
 
 CONTINUOUS = 1e-7  # field of the other mode, over its terms, up to which the equilibrium is one of that mode too
+_MET = 1e-9  # event function, over its variation with the states' sizes, up to which it is met
 PERSISTS = "persistence"
 FOLDS = "nonsmooth fold"
 
@@ -90,18 +91,34 @@ def beyond_boundary(
     landed = problem.reset(transition, u)
     F, J = beside.evaluate(landed)
     own = problem.evaluate(u)[1]
+    outwards = _regular_side(beside, landed, sizes, -inwards)
     A = own[:, :n]
     terms = (np.abs(J[:, :n]) + np.abs(A)) @ sizes
     if np.all(np.abs(F) <= CONTINUOUS * np.maximum(terms, 1e-12 * terms.max())):
         # each branch's parameter, where its own event function grows to its regular side
-        sides = [slope_of(A, own, inwards), slope_of(J[:, :n], J, -inwards)]
+        sides = [slope_of(A, own, inwards), slope_of(J[:, :n], J, outwards)]
         kind = "" if 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
-        return Crossing(kind, beside, landed, -inwards)
+        return Crossing(kind, beside, landed, outwards)
     if np.array_equal(landed, u):
         weight = float(inwards[:n] @ np.linalg.lstsq(A, F, rcond=None)[0])
         kind = "" if weight == 0.0 else PERSISTS if weight < 0.0 else FOLDS
         return Crossing(kind, beside, None, -inwards, "the field jumps: what goes on is a pseudo-equilibrium")
     return Crossing("", beside, None, -inwards, f"its reset by {leaves.name} is no equilibrium")
+
+
+def _regular_side(
+    beside: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64], otherwise: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the gradient towards the regular side of a mode: that of its own event which is met at `u`.
+
+    A sliding mode ends where a rate vanishes, and the mode beyond it at the surface itself.
+    """
+    for k in beside.ways_out:
+        height, gradient = beside.event(k, u)
+        direction = beside.system.transitions[k].direction
+        if direction and abs(height) <= _MET * float(np.abs(gradient[: beside.n]) @ sizes):
+            return -float(direction) * gradient
+    return otherwise
 
 
 def slope_of(A: NDArray[np.float64], J: NDArray[np.float64], inwards: NDArray[np.float64]) -> float:

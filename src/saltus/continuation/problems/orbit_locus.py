@@ -253,7 +253,7 @@ class LocusZeroProblem:
             return float(self._surveyed[name](self.problem.survey(self.orbit(point.u))))
         if name in _PLAIN or name in self._durations:
             return self._measure(name, point)
-        return self._special(point, None, name)[0][name]
+        return self._special(point, None, name)[0].get(name, math.nan)
 
     def _measure(self, name: Monitor, point: Point) -> float:
         kind, at = name.kind, name.segment

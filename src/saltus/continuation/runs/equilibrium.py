@@ -47,9 +47,18 @@ class EquilibriumRun(AlgebraicRun):
 
     def crossing(self, branch: EquilibriumZeroProblem, event: Event) -> tuple[str, Crossing]:
         """See `AlgebraicRun.crossing`."""
-        at, point = event.name.transition, event.point
+        point = event.point
+        at = self._happening(branch, event.name.transition, point)
         found = beyond_boundary(branch.problem, at, point.u, point.tangent, branch.sizes)
         return branch.problem.system.transitions[at].name, found
+
+    @staticmethod
+    def _happening(branch: EquilibriumZeroProblem, transition: int, point: Point) -> int:
+        """Return which of the transitions with the same event happens at a point: one whose condition holds."""
+        problem = branch.problem
+        transitions, modes = problem.system.transitions, len(problem.system.modes)
+        alike = [k for k in problem.ways_out if transitions[k].event == transitions[transition].event]
+        return next((k for k in alike if problem.guard(modes + k, point.u) > 0.0), transition)
 
     def inside(self, branch: EquilibriumZeroProblem, event: Monitor) -> float:
         """See `AlgebraicRun.inside`."""

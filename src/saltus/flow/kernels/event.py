@@ -125,6 +125,9 @@ def _begin(system, tolerances, state, mode, room):
         state.on[k] = 1 if abs(event[0]) <= reach else 0
         if state.on[k] == 0:
             side[k] = 1 if event[0] > 0.0 else -1
+        elif counts[FIRED] >= 0 and system.clocks[k] >= 0 and system.clocks[k] == system.clocks[counts[FIRED]]:
+            # the phase has passed here in the event before
+            side[k] = 1 if event[1] > 0.0 else -1
         elif counts[FIRED] >= 0 and counts[MODE_BEFORE] != mode:
             side[k] = 0
     counts[STARTING] = 0

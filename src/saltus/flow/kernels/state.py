@@ -81,6 +81,8 @@ class System(NamedTuple):
         `Compiled.motion`, or `Compiled.addresses` where derivatives are needed.
     transitions : ndarray of int64, shape (transition, 3)
         Source, target, direction.
+    clocks : ndarray of int64, shape (transition,)
+        The first transition with the same event function of the phase alone; -1 for other events.
     p : ndarray
         Parameters with the constants behind them.
     phase : float
@@ -91,6 +93,7 @@ class System(NamedTuple):
 
     addresses: Integers
     transitions: Integers
+    clocks: Integers
     p: Floats
     phase: float
     n: int
@@ -223,7 +226,7 @@ class Crossings(NamedTuple):
 def system_pointers(system):
     """The record of a system with pointers."""
     return System(
-        pointer(system.addresses, 0), pointer(system.transitions, 0), pointer(system.p, 0), system.phase, system.n,
+        pointer(system.addresses, 0), pointer(system.transitions, 0), pointer(system.clocks, 0), pointer(system.p, 0), system.phase, system.n,
         system.n_states, system.n_modes, system.n_transitions,
     )  # fmt: skip
 

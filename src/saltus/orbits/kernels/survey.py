@@ -93,6 +93,10 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         for k in range(view.transitions):
             if view.sources[k] == piece.mode:
                 bad |= margin(view, curve, k, head, piece.transition, before, closed, room, found)
+    for q in range(n):
+        # no segment's mode has the state
+        if found.lows[q] > found.highs[q]:
+            found.lows[q] = found.highs[q] = 0.0
     if not events.phase or not found_zero:
         for e in range(n):
             found.x0[e] = u[e]
