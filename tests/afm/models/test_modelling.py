@@ -444,7 +444,8 @@ def test_a_branch_ends_where_gaps_change_their_order(neck):
     for name, bounds, last in (("on_nm", (0.1, 0.6), 0.3), ("off_nm", (0.2, 1.5), 0.6)):
         branch = saltus.continue_orbit(orbit, name, bounds=bounds, directions="down")
         assert branch.solution(len(branch) - 1).parameters[name] == pytest.approx(last, abs=1e-4)
-        assert "domain" in branch.stopped[-1]
+        # two events coincide where the domain ends
+        assert "domain" in branch.stopped[-1] or "border collision" in branch.stopped[-1]
 
 
 # a law with a state
