@@ -142,3 +142,36 @@ def test_a_cycle_that_comes_near_0_is_exact():
     assert orbit.min["x"] < 1e-8
     rough = saltus.find_orbit(harvested(), {"P": 2.6}, [0.3, 1.0], tolerance=1e-10)
     assert rough.period == pytest.approx(orbit.period, rel=1e-10)
+
+
+def test_orbits_that_slide_or_rest_are_verified_by_other_means():
+    for orbit in (saltus.find_orbit(belt(), {"w": 0.48}, [1.0, 0.0]), saltus.find_orbit(table(), {}, [0.0, 5.0])):
+        checked = saltus.verify(orbit)
+        assert checked.passed
+
+
+def test_one_branch_of_equilibria_goes_through_sliding_from_one_side_to_the_other():
+    start = saltus.find_equilibrium(harvested(), {"P": 1.1}, [0.6, 1.1], mode="sliding")
+    branch = saltus.continue_equilibrium(start, "P", (0.5, 2.0))
+    found = {(p.type, p.kind): p.value("P") for p in branch.special_points}
+    assert found == {
+        ("BE", "persistence"): pytest.approx(0.653850415512466, abs=1e-11),
+        ("SN", ""): pytest.approx(1.243602362204724, abs=1e-12),
+        ("BE", "nonsmooth fold"): pytest.approx(1.010484747655646, abs=1e-11),
+    }
+    assert {branch.solution(i).mode for i in range(len(branch))} == {"above", "sliding", "below"}
+    locus = saltus.continue_locus(branch["SN1"], ("P", "a"), {"P": (0.9, 2.0), "a": (0.25, 0.49)})
+    P, a = (locus.values[:, locus.names.index(name)] for name in ("P", "a"))
+    np.testing.assert_allclose(P, 1.33**2 / (4.0 * a), rtol=1e-12)
+
+
+def test_a_start_at_a_two_fold_is_refused():
+    system = saltus.filippov(
+        ("x", "y", "z"),
+        {},
+        surface="z",
+        above={"x": "1", "y": "0.3", "z": "-x"},
+        below={"x": "0.2", "y": "1", "z": "y"},
+    )
+    with pytest.raises(saltus.InputError, match="one motion from it"):
+        saltus.simulate(system, {}, [0.0, 0.0, 0.0], t_end=1.0)

@@ -150,3 +150,10 @@ def test_what_a_mode_lacks_is_told():
     system = saltus.HybridSystem(("x", "q"), {}, fields, [crossing])
     with pytest.raises(InputError, match="it lacks q"):
         saltus.simulate(system, {}, [0.0, 1.0], mode="a", t_end=1.0)
+
+
+def test_an_orbit_that_visits_no_mode_with_a_state_is_isolated():
+    orbit = saltus.find_orbit(wall(), {"A": 0.13}, [0.0, 0.0], mode="free")
+    assert orbit.signature == (("free", "theta"),)
+    size = math.exp(-0.1 * math.pi / 1.2)
+    np.testing.assert_allclose(np.abs(orbit.multipliers), [size, size, 0.0], atol=1e-12)

@@ -78,3 +78,23 @@ def test_a_surface_is_watched_both_ways_by_two_transitions():
 def test_what_a_transition_cannot_be_is_told(transition, kwargs, words):
     with pytest.raises(DefinitionError, match=words):
         switched(transition, **kwargs)
+
+
+def test_an_event_at_a_phase_does_not_happen_again_at_once_in_the_next_mode():
+    fields = {"on": Mode({"T": "2 - T"}), "off": Mode({"T": "-T"})}
+    for at in (0, 1.0):
+        toggles = [Transition("on", "off", at_phase=at), Transition("off", "on", at_phase=at)]
+        system = saltus.HybridSystem(("T",), {"w": 2.0 * math.pi}, fields, toggles, phase=("theta", "w"))
+        names = saltus.simulate(system, {}, [0.5], periods=5).events["name"]
+        assert names[names != "theta"].tolist() == (["on_to_off", "off_to_on"] * 3)[: np.sum(names != "theta")]
+    decided = saltus.HybridSystem(
+        ("T",), {"low": 1.0, "w": 2.0 * math.pi}, fields,
+        [
+            Transition("on", "off", at_phase=0, when="T - low", otherwise="on"),
+            Transition("off", "on", at_phase=0, when="low - T", otherwise="off"),
+        ],
+        phase=("theta", "w"),
+    )  # fmt: skip
+    orbit = saltus.find_orbit(decided, {}, [0.5])
+    assert orbit.form.turns == 2
+    assert orbit.max["T"] == pytest.approx(2.0 * math.e / (math.e + 1.0), abs=1e-11)

@@ -62,9 +62,13 @@ def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.fl
 def _leaves_to_either_side(
     system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64], allowed: list[int]
 ) -> bool:
-    """Return whether a start lies on a surface along which motions may slide, but leave it here in several modes."""
-    if any(system.modes[system.mode_names[index]].surface is not None for index in allowed) or len(allowed) < 2:
-        return False
+    """Return whether a start lies on a surface along which motions may slide, but leave it here in several modes.
+
+    Where a motion may slide as well, one way is left, unless it is a two-fold: the sliding field has no value there.
+    """
+    sliding = [index for index in allowed if system.modes[system.mode_names[index]].surface is not None]
+    if sliding or len(allowed) < 2:
+        return any(not np.all(np.isfinite(system.compiled.field(index, x, p))) for index in sliding)
     parameters = dict(zip(system.parameter_names, p.tolist(), strict=True))
     surfaces = {mode.surface for mode in system.modes.values() if mode.surface is not None}
     met = {text for text in surfaces if abs(evaluate(system, text, x[None], 0, parameters)[0]) == 0.0}

@@ -20,6 +20,7 @@ _RTOL = 1e-12  # relative tolerance of the integration
 _ATOL = 1e-14  # absolute one, over the states' sizes
 _MOST_CALLS = 60_000  # evaluations of the field in a period, from which on the motion counts as stiff
 _SAMPLES = 400  # states of a segment at which events and extremes are looked for
+_LOW = 1e-8  # largest distance of a segment from a surface, over the event's unit, up to which it is the method's error
 _ENDS = 1e-7  # share of a duration next to a segment's ends in which an event is that of the end
 
 
@@ -161,11 +162,13 @@ def contacts(
 ) -> list[tuple[float, float, float]]:
     """Return where an event function vanishes in a segment: time, rate of the function, its unit.
 
-    The ends of the segment are left out.
+    The ends of the segment are left out, and a segment that is as a whole too near to the surface to be told from it.
     """
     h = reference.event(transition, piece.states)
     unit = _unit(reference, transition, piece, sizes)
-    found = []
+    found: list[tuple[float, float, float]] = []
+    if float(np.abs(h).max()) < _LOW * unit:
+        return found
     for i in np.flatnonzero((h[:-1] < 0.0) != (h[1:] < 0.0)):
         span = piece.times[i + 1] - piece.times[i]
         share = h[i] / (h[i] - h[i + 1])
