@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+import sliding as sliding_systems
 import systems
 from oracles.tapping import Tapping
 from oracles.textbook import TEXTBOOK
@@ -207,4 +208,30 @@ def cascades(variant: Variant) -> Found:
         yield f"{name}, cascade", {"points": points, "words": [cascade.stopped]}
 
 
-SUBJECTS = (textbook, homoclinic, impacts, tapping, cascades)
+def sliding(variant: Variant) -> Found:
+    """Branches of orbits that slide or come to rest, of pseudo-equilibria, and the loci of sliding bifurcations."""
+    cases = {
+        "belt": (sliding_systems.belt(), {"w": 0.6}, [1.0, 0.0], "w", (0.4385, 0.7)),
+        "belt at rest": (sliding_systems.belt(), {"w": 0.8, "u": 0.0, "F": 0.9}, [1.0, 0.1], "F", (0.7, 0.94)),
+        "planar": (sliding_systems.planar(), {}, [1.0, 0.2], "mu", (0.8, 1.3)),
+        "relay": (sliding_systems.relay(), {}, [0.5, 0.2, 1.0], "r", (0.7, 1.3)),
+        "harvested": (sliding_systems.harvested(), {}, [0.3, 1.0], "P", (1.4, 2.7)),
+        "table": (sliding_systems.table(), {}, [0.0, 5.0], "e", (0.3, 0.6)),
+    }
+    for name, (system, values, x0, parameter, bounds) in cases.items():
+        start = [x * (1.0 + variant.moved) for x in x0]
+        orbit = find_orbit(system, values, start)
+        branch = followed(variant, continue_orbit, orbit, parameter, bounds)
+        yield name, told(branch, (parameter,))
+        if name == "belt":
+            limits = {"w": (0.3, 0.8), "F": (0.3, 0.6)}
+            for kind in ("AS", "SS", "GS", "CS"):
+                (point,) = branch.special_points.of_type(kind)
+                locus = continue_locus(point, ("w", "F"), limits, steps=variant.steps)
+                yield f"{name}, locus of {kind}", told(locus, ("w", "F"))
+    rest = find_equilibrium(sliding_systems.harvested(), {"P": 1.1}, [0.6, 1.1], mode="sliding")
+    branch = followed(variant, continue_equilibrium, rest, "P", (0.5, 2.0))
+    yield "harvested, equilibria", told(branch, ("P",))
+
+
+SUBJECTS = (textbook, homoclinic, impacts, tapping, cascades, sliding)

@@ -41,6 +41,7 @@ _ENDS = {
 }
 
 _LEAST = 1e-3  # size of an unknown, over the largest of the states, by which the way from the start is measured
+_SHADOW = 1e-8  # distance of both parameters, over their intervals, up to which a bifurcation is a change's shadow
 _UNFOLDED = 1e-7  # forcing from which on the branch points of a BP locus do not persist
 
 
@@ -165,6 +166,7 @@ class OrbitLocusRun(TwoParameterRun):
             data = event.point.examined.data
             survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
             event.point.examined = replace(event.point.examined, data=replace(data, survey=survey))
+            half.specials = [found for found in half.specials if not self._is_shadow(found, event.point)]
         orbit = self._orbit(event.point)
         half.specials.append(Found(kind, orbit, event.value, len(half.points), event.point.arc, of))
         if kind in CHANGES:
@@ -172,6 +174,13 @@ class OrbitLocusRun(TwoParameterRun):
         if self.kind == "TR" and kind in _ENDS:
             return f"{kind}: {_ENDS[kind]}"
         return kind if kind in self.stops else None
+
+    def _is_shadow(self, found: Found, point: Point) -> bool:
+        """Return whether a bifurcation found before lies where the signature changes: determinants vanish there."""
+        here = found.solution.parameters
+        apart = max(abs(here[name] / unit - value) for name, unit, value in
+                    zip(self.names, self.scales.tolist(), point.u[-2:].tolist(), strict=True))  # fmt: skip
+        return found.name not in CHANGES and found.name != "TP" and apart < _SHADOW
 
     def _orbit(self, point: Point) -> PeriodicOrbit:
         branch, data = self.branch, point.examined.data
