@@ -97,6 +97,35 @@ def test_what_does_not_come_to_rest_is_told(change, words):
         ball(**change)
 
 
+def test_an_impact_that_changes_the_pull_has_no_such_sum():
+    with pytest.raises(DefinitionError, match="changes no state and no pull"):
+        saltus.HybridSystem(
+            ("x", "v", "s"), {"e": 0.7, "A": 0.2, "w": 1.0},
+            {"rock": Mode({"x": "v", "v": "-1 - s*A*cos(theta)", "s": "0"}),
+             "rest": Mode({"x": "0", "v": "0", "s": "0"})},
+            [Transition("rock", "rock", "x", -1, {"v": "-e*v", "s": "-s"}, name="impact", rests="rest")],
+            phase=("theta", "w"),
+        )  # fmt: skip
+
+
+def test_a_valve_that_is_pressed_onto_its_seat_closes():
+    # a spring with preload, friction in proportion to the velocity: as many impacts one by one, until they are 1e-9
+    fields = {"open": Mode({"x": "v", "v": "-(x + p) - 0.2*v"}), "shut": Mode({"x": "0", "v": "0"})}
+
+    def closes(rests, **kwargs):
+        impact = Transition("open", "open", "x", -1, {"v": "-e*v"}, name="impact", rests=rests)
+        system = saltus.HybridSystem(("x", "v"), {"e": 0.6, "p": 0.5}, fields, [impact])
+        return saltus.simulate(system, {}, [1.0, 0.0], mode="open", tolerance=1e-13, **kwargs)
+
+    motion = closes("shut", t_end=20.0)
+    (end,) = motion.events["time"][motion.events["mode_after"] == "shut"]
+    counted = closes(None, t_end=20.0, options=saltus.options.SimulationOptions(max_events=38))
+    last = counted.events[-1]
+    left = 2.0 * last["after"][1] / 0.5 / (1.0 - 0.6)
+    assert left < 1e-6
+    assert end == pytest.approx(last["time"] + left, abs=1e-11)
+
+
 def test_a_file_keeps_what_was_made_for_the_rest(tmp_path):
     motion = saltus.simulate(ball(), {}, [1.0, 0.0], t_end=5.0)
     motion.save(tmp_path / "motion.nc")

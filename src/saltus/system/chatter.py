@@ -21,6 +21,9 @@ __all__ = ["with_rests"]
 
 _SLOWLY = 10.0  # times that the pull towards the surface may not change by itself within the time left
 _MOMENT = 1e-3  # time behind the end of a rest at which a motion goes on, over the time left to a sequence
+_PLACES = 3  # places at which it is seen whether an impact changes the pull
+_SLOW = 1e-9  # rate of the event there
+_ALIKE = 1e-6  # change of the pull, over its size, that is none
 _SHARE = 1e-5  # time left in which a sequence of impacts is summed up, over the period of the phase
 
 
@@ -120,10 +123,28 @@ class _Settling:
             for name, symbol in self.x.items()
             if symbol in self.reset
         }
+        self._check_pull()
         left = self.t.rest_time
         if left is None:
             left = _SHARE if self.phase is None else f"{_SHARE * 2.0 * math.pi!r}/({self.phase[1]})"
         self.left = self.read(text_of(left, self.where, self.names))
+
+    def _check_pull(self) -> None:
+        """Raise `DefinitionError` where an impact without velocity changes the pull: flights are not alike then."""
+        import sympy
+
+        symbols = sorted(self.pull.free_symbols | self.rate.free_symbols | set(self.x.values()), key=str)
+        for k in range(_PLACES):
+            place = {symbol: 0.3 + 0.57 * ((7 * i + 3 * k) % 11) / 11 for i, symbol in enumerate(symbols)}
+            own = next(symbol for symbol in self.reset if self.rate.has(symbol))
+            slope = sympy.diff(self.rate, own).subs(place)
+            place[own] += (_SLOW - self.rate.subs(place)) / slope
+            changes = [(self.after(self.pull) - self.pull).subs(place) / self.pull.subs(place)]
+            # a state that jumps without velocity, as a sign that changes with each impact
+            changes += [part.subs(place) * _SLOW for part in self.turn.values()]
+            if any(change.is_number and abs(change) > _ALIKE for change in changes):
+                wanted = "a reset that changes no state and no pull of a motion without velocity"
+                raise DefinitionError(self.where, dict(self.t.reset), wanted, "the flights are not alike then")
 
     def mode(self) -> Mode:
         """Return the mode in which the velocity of the impacts dies away as their sequence does."""
