@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.system.angles import at_phases
 from saltus.system.evaluate import evaluate
+from saltus.system.parts import at_phases
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

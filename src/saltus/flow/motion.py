@@ -11,8 +11,8 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
 from saltus.flow.sticking import sticking_surface
-from saltus.system.angles import at_phases
 from saltus.system.filippov import lines_of
+from saltus.system.parts import at_phases
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

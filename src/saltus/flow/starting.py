@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.system.angles import at_phases
 from saltus.system.evaluate import evaluate
 from saltus.system.own_states import absent_states
+from saltus.system.parts import at_phases
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.orbits.signature import BOUNDARY, SECTION, STOP
-from saltus.system.angles import at_phases
 from saltus.system.own_states import absent_states
+from saltus.system.parts import at_phases
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

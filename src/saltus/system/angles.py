@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.system.expressions import NAME
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["TURN", "at_phases", "on_circles", "refuse", "wrapped"]
+__all__ = ["TURN", "on_circles", "refuse", "wrapped"]
 
 TURN = 2.0 * math.pi
 
@@ -52,10 +51,3 @@ def on_circles(
     others = np.delete(states, places, axis=1)
     table = np.hstack([others, np.cos(states[:, places]), np.sin(states[:, places])])
     return table, np.concatenate([np.delete(rounding, places), rounding[places], rounding[places]])
-
-
-def at_phases(system: Any, transition: Any) -> bool:
-    """Return whether an event function knows the phase alone, and no state: the event comes again and again."""
-    if system.phase is None:
-        return False
-    return not set(system.states) & set(NAME.findall(transition.event))

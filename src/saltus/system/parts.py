@@ -12,12 +12,13 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import DefinitionError, InputError
-from saltus.system.expressions import Names, check_name, text_of
+from saltus.system.expressions import NAME, Names, check_name, text_of
 from saltus.system.mechanics import Held, lagrangian_field, mass_matrix_field
 
 __all__ = [
     "Mode",
     "Transition",
+    "at_phases",
     "clean_bounds",
     "clean_mode",
     "clean_phase",
@@ -405,3 +406,10 @@ def interval_text(low: float, high: float) -> str:
     if math.isinf(high):
         return f">= {low:g}"
     return f"<= {high:g}" if math.isinf(low) else f"between {low:g} and {high:g}"
+
+
+def at_phases(system: Any, transition: Any) -> bool:
+    """Return whether an event function knows the phase alone, and no state: the event comes again and again."""
+    if system.phase is None:
+        return False
+    return not set(system.states) & set(NAME.findall(transition.event))

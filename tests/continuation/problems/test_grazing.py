@@ -201,3 +201,23 @@ def test_orbits_of_the_signatures_that_meet_are_one_motion(branch):
         assert len(orbits) == 2
         assert abs(len(orbits[0].segments) - len(orbits[1].segments)) in (1, 2)
         np.testing.assert_allclose(orbits[0].period, orbits[1].period, rtol=1e-12)
+
+
+def test_a_neuron_stops_firing_where_its_equilibrium_meets_the_threshold():
+    neuron = saltus.HybridSystem(
+        ("v",), {"I": 1.5}, {"on": Mode({"v": "I - v"})}, [Transition("on", "on", "v - 1", 1, {"v": "0"}, name="spike")]
+    )
+    orbit = saltus.find_orbit(neuron, {}, [0.0])
+    assert orbit.period == pytest.approx(np.log(3.0), abs=1e-11)
+    branch = saltus.continue_orbit(orbit, "I", (0.5, 2.0))
+    end = next(reason for reason in branch.stopped if "without bound" in reason)
+    assert end.endswith("the equilibrium of mode 'on' meets the event 'spike' at I = 1")
+
+
+def test_a_border_collision_meets_bifurcations_of_the_neighbouring_signature():
+    branch = collided(0.5, -0.5, -0.3, "left")
+    locus = saltus.continue_locus(branch["BC1"], ("mu", "b"), {"mu": (-0.5, 0.5), "b": (-2.0, 2.0)})
+    assert {(p.type, p.of): round(p.value("b"), 9) for p in locus.special_points} == {
+        ("PD", "smaller signature"): -1.0, ("SN", "smaller signature"): 1.0,
+    }  # fmt: skip
+    np.testing.assert_allclose(locus.values[:, locus.names.index("mu")], 0.0, atol=1e-12)

@@ -12,6 +12,7 @@ from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
 from saltus.continuation.problems.changes import type_of_change
+from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
 from saltus.continuation.problems.ends.shrinking import equilibrium_ahead
@@ -260,6 +261,9 @@ class OrbitRun(OneParameterRun):
     def _unbounded(self, half: OneSide, grown: str) -> str:
         """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""
         reason = self.ends_unbounded(half, grown)
+        piece, point = half.points[-1]
+        if piece.problem.system.phase is None and (met := meeting_ahead(piece, point, self.scale)):
+            reason = f"{grown}: {met}"
         return f"{self.place(half.points[-1][1])}: {reason}"
 
     def ends_unbounded(self, half: OneSide, grown: str) -> str:

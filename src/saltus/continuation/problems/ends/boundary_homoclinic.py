@@ -1,0 +1,76 @@
+"""Cycles whose period grows without bound since an equilibrium of a mode meets the event that ends a segment."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.equilibria.problem import EquilibriumProblem
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.core.zero_problem import Point
+    from saltus.continuation.problems.orbit import OrbitZeroProblem
+    from saltus.orbits.problem import OrbitProblem
+
+__all__ = ["meeting_ahead"]
+
+_ITERATIONS = 20  # Newton steps, at most
+_CONVERGED = 1e-12  # largest Newton step, over the unknowns' sizes, of a meeting
+_AWAY = 0.1  # distance of the equilibrium from the segment's end, in sizes of the states, and of the parameter
+
+
+def meeting_ahead(branch: OrbitZeroProblem, point: Point, scale: float) -> str:
+    """Return where an equilibrium meets an event of a cycle, in words; empty where none does so nearby.
+
+    Parameters
+    ----------
+    branch : OrbitZeroProblem
+        The equations, of an autonomous system.
+    point : Point
+        The last cycle of a branch.
+    scale : float
+        Unit of the parameter.
+    """
+    problem = branch.problem
+    system, n = problem.system, problem.n
+    problem.survey(point.u)
+    durations = point.u[n : problem.size : n + 1]
+    for i in np.argsort(-durations).tolist():
+        transition = problem.signature.transitions[i]
+        if transition < 0:
+            continue
+        found = _meeting(problem, point, i, transition)
+        if found is not None:
+            mode = system.mode_names[problem.signature.modes[i]]
+            name = system.parameter_names[problem.active[0]]
+            event = system.transitions[transition].name
+            return f"the equilibrium of mode {mode!r} meets the event {event!r} at {name} = {found * scale:.9g}"
+    return ""
+
+
+def _meeting(problem: OrbitProblem, point: Point, segment: int, transition: int) -> float | None:
+    """Return the parameter, in its unit, at which an equilibrium lies on the event; None where there is none."""
+    n, ends = problem.n, problem.state_on(segment, 1.0)
+    rest = EquilibriumProblem(
+        problem.system, problem.signature.modes[segment], problem.parameters_at(point.u), problem.active, problem.scales
+    )
+    u: NDArray[np.float64] = np.append(ends, point.u[-1])
+    sizes = np.append(problem.state_scale, max(abs(float(point.u[-1])), 1.0))
+    for _ in range(_ITERATIONS):
+        F, J = rest.evaluate(u)
+        height, gradient = rest.event(transition, u)
+        matrix = np.vstack([J, gradient])
+        if not np.all(np.isfinite(matrix)):
+            return None
+        try:
+            step = np.linalg.solve(matrix, -np.append(F, height))
+        except np.linalg.LinAlgError:
+            return None
+        u = u + step
+        if np.max(np.abs(step) / sizes) < _CONVERGED:
+            away = np.max(np.abs(u - np.append(ends, point.u[-1])) / sizes)
+            return float(u[n]) if away < _AWAY else None
+    return None
