@@ -28,6 +28,7 @@ __all__ = ["OrbitProblem", "follow_from"]
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
 
 _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
+_MOST_SLIDING = 20_000  # steps of an orbit that slides, beyond which it comes too near to a two-fold
 _FEW = 500  # steps of a segment below which stability does not limit them
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
@@ -73,6 +74,9 @@ class OrbitProblem:
         self._functions = compiled.addresses
         # nothing but a plane fixes where on the orbit the first segment starts
         self.slides = self.signature.kinds[0] == CLOSED_END
+        self._slides = any(
+            self.system.modes[self.system.mode_names[i]].surface is not None for i in self.signature.modes
+        )
         self.modes = np.array(self.signature.modes, dtype=np.int64)
         compiled.check_powers(self.system, self.signature.modes)
         self.kinds = np.array(self.signature.kinds, dtype=np.int64)
@@ -330,6 +334,8 @@ class OrbitProblem:
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the residual, shape (size,), and the Jacobian, shape (size, size + active)."""
         m = self.size
+        if self._slides and self.steps > _MOST_SLIDING:
+            return np.full(m, np.nan), np.full((m, m + self._active.size), np.nan)
         F, J = np.empty(m), np.empty((m, m + self._active.size))
         self._worst = self.equations.equations(
             self.record, self.mesh, (self._anchor, self._shares), (self.tol, self._atol), u, F, J, self._errors

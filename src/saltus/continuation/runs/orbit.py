@@ -20,6 +20,7 @@ from saltus.continuation.problems.ends.slowing import grazing_ahead
 from saltus.continuation.problems.ends.unbounded import (
     grows_at_last,
     grows_for_ever,
+    meets_two_fold,
     swells_at_last,
     swells_for_ever,
     too_stiff,
@@ -256,7 +257,13 @@ class OrbitRun(OneParameterRun):
     def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:
         """Return why no step succeeds behind the last point; `item` if nothing better is known."""
         points = half.points
-        return too_stiff(branch.problem) or swells_at_last(points) or vanishes_at_last(points) or item
+        return (
+            meets_two_fold(points)
+            or too_stiff(branch.problem)
+            or swells_at_last(points)
+            or vanishes_at_last(points)
+            or item
+        )
 
     def _unbounded(self, half: OneSide, grown: str) -> str:
         """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""

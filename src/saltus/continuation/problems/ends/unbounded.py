@@ -26,6 +26,7 @@ __all__ = [
     "grows_at_last",
     "grows_for_ever",
     "levels_off",
+    "meets_two_fold",
     "period_of",
     "swells_at_last",
     "swells_for_ever",
@@ -34,6 +35,7 @@ __all__ = [
     "vanishes_at_last",
 ]
 
+_FOLDED = 0.05  # rate of a surface where a motion leaves it, over the largest on the branch, next to a two-fold
 _GROWN = 1.2  # least ratio of an unbounded period to its least value on the branch
 _RESTS = 1e-3  # change of the parameter, over its interval and the period's relative growth, up to which it rests
 _DECADES = 2.0 * math.log(10.0)  # logarithm of the ratio of slopes over which the growth of the period is judged
@@ -211,6 +213,24 @@ def _only_the_period_grows(points: list[Row]) -> bool:
 def _ranges(piece: OrbitZeroProblem, point: Point) -> NDArray[np.float64]:
     n, survey = len(piece.problem.system.states), point.examined.data.survey
     return np.asarray(survey.highs[:n] - survey.lows[:n])
+
+
+def meets_two_fold(points: list[tuple[OrbitZeroProblem, Point]]) -> str:
+    """Return why sliding orbits end behind the last of some points, in words; empty where no two-fold is near.
+
+    Where a motion leaves a sliding mode, one of the two rates of the surface vanishes. At a two-fold both do.
+    """
+    if not points:
+        return ""
+    branch, last = points[-1]
+    problem, system = branch.problem, branch.problem.system
+    own = [point.examined.data.survey.rates[:, 3] for piece, point in points if piece is branch]
+    for i, mode in enumerate(problem.signature.modes):
+        name = system.mode_names[mode]
+        slides = system.modes[name].surface is not None and system.transitions[problem.signature.transitions[i]].when
+        if slides and last.examined.data.survey.rates[i, 3] < _FOLDED * max(float(rates[i]) for rates in own):
+            return f"segment {i} in mode {name!r} ends next to a two-fold, from which motions go on in several ways"
+    return ""
 
 
 def too_stiff(problem: OrbitProblem) -> str | None:
