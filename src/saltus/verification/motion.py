@@ -162,7 +162,7 @@ def contacts(
 ) -> list[tuple[float, float, float]]:
     """Return where an event function vanishes in a segment: time, rate of the function, its unit.
 
-    The ends of the segment are left out, and a segment that is as a whole too near to the surface to be told from it.
+    The ends of the segment are left out. So is a segment that is as a whole too near to the surface to be told from it.
     """
     h = reference.event(transition, piece.states)
     unit = _unit(reference, transition, piece, sizes)

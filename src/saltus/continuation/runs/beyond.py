@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -18,12 +19,12 @@ from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.runs.two_sided import turned
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
-from saltus.orbits.signature import Signature, Survey
+from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["leaving", "seen_beyond", "summed_late", "switched", "turns_back"]
+__all__ = ["leaving", "seen_beyond", "summed_late", "switched", "turns_back", "without_rounding"]
 
 Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
 Equations: TypeAlias = "Callable[[Signature, NDArray[np.float64]], OrbitZeroProblem]"
@@ -178,3 +179,10 @@ def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
         if at_grazing(name) and not math.isnan(value)
     )
     return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
+
+
+def without_rounding(examined: Examined) -> Examined:
+    """Return what is known of a point without the faults that are rounding where the signature changes."""
+    data: OrbitData = examined.data
+    survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
+    return replace(examined, data=replace(data, survey=survey))

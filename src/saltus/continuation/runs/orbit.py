@@ -30,7 +30,7 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
-from saltus.continuation.runs.beyond import leaving, seen_beyond, summed_late, switched, turns_back
+from saltus.continuation.runs.beyond import leaving, seen_beyond, summed_late, switched, turns_back, without_rounding
 from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
@@ -330,7 +330,7 @@ class OrbitRun(OneParameterRun):
             # on the border the signs of what vanishes are rounding
             orbit = replace(orbit, faults=orbit.faults & ~(DURATION | DIRECTION | WHEN))
             half.specials[-1] = replace(half.specials[-1], solution=orbit)
-        point.examined = _on_border(point.examined)
+        point.examined = without_rounding(point.examined)
         half.points.append((branch, point))
         if name in self.stops:
             return f"{self.place(point)}: {POINT_TYPES[name].meaning}"
@@ -422,13 +422,6 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
         "form": np.array([forms.index(piece.problem.signature) for piece, _ in joined.rows]),
         "unknowns": tuple(point.u[: piece.problem.size] for piece, point in joined.rows),
     }
-
-
-def _on_border(examined: Examined) -> Examined:
-    """Return what is known of a point without the faults that are rounding where the signature changes."""
-    data: OrbitData = examined.data
-    survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
-    return replace(examined, data=replace(data, survey=survey))
 
 
 def _as_before(examined: Examined, last: OrbitData) -> Examined:
