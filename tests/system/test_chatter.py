@@ -126,6 +126,43 @@ def test_a_valve_that_is_pressed_onto_its_seat_closes():
     assert end == pytest.approx(last["time"] + left, abs=1e-11)
 
 
+def block(right="1", left="1"):
+    """Return a block that rocks from one edge to the other, pulled back by two forces."""
+    return saltus.HybridSystem(
+        ("q", "v"), {"e": 0.6},
+        {"right": Mode({"q": "v", "v": f"-({right})"}), "left": Mode({"q": "v", "v": left}),
+         "rest": Mode({"q": "0", "v": "0"}, surface="q")},
+        [
+            Transition("right", "left", "q", -1, {"v": "e*v"}, name="to_left", rests="rest"),
+            Transition("left", "right", "q", 1, {"v": "e*v"}, name="to_right", rests="rest"),
+        ],
+        name="block",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("right", "left"), [(1.0, 1.0), (1.0, 2.0), (0.3, 7.0)])
+@pytest.mark.parametrize("e", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_block_that_rocks_rests_after_the_sum_of_its_swings(right, left, e, side):
+    pulls = (right, left) if side > 0.0 else (left, right)
+    first, velocity = math.sqrt(2.0 / pulls[0]), math.sqrt(2.0 * pulls[0])
+    swings = 2.0 * velocity * e * (1.0 / pulls[1] + e / pulls[0]) / (1.0 - e * e)
+    motion = saltus.simulate(block(str(right), str(left)), {"e": e}, [side, 0.0], t_end=2.0 * (first + swings))
+    (rest,) = motion.events["time"][motion.events["mode_after"] == "rest"]
+    assert rest == pytest.approx(first + swings, rel=1e-12)
+
+
+def test_a_way_to_the_other_side_needs_a_way_back():
+    one_way = [Transition("right", "left", "q", -1, {"v": "e*v"}, rests="rest")]
+    modes = {
+        "right": Mode({"q": "v", "v": "-1"}),
+        "left": Mode({"q": "v", "v": "1"}),
+        "rest": Mode({"q": "0", "v": "0"}),
+    }
+    with pytest.raises(DefinitionError, match="another back at the same event"):
+        saltus.HybridSystem(("q", "v"), {"e": 0.6}, modes, one_way)
+
+
 def test_a_file_keeps_what_was_made_for_the_rest(tmp_path):
     motion = saltus.simulate(ball(), {}, [1.0, 0.0], t_end=5.0)
     motion.save(tmp_path / "motion.nc")

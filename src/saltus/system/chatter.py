@@ -24,6 +24,7 @@ _MOMENT = 1e-3  # time behind the end of a rest at which a motion goes on, over 
 _PLACES = 3  # places at which it is seen whether an impact changes the pull
 _SLOW = 1e-9  # rate of the event there
 _ALIKE = 1e-6  # change of the pull, over its size, that is none
+_SHARE_OF_SIDES = 1e-6  # the same as the next one, for impacts that lead from side to side
 _SHARE = 1e-5  # time left in which a sequence of impacts is summed up, over the period of the phase
 
 
@@ -54,7 +55,7 @@ def with_rests(
         if transition.rests is None:
             listed.append(transition)
             continue
-        settling = _Settling(transition, modes, states, names, phase)
+        settling = _settling(transition, transitions, modes, states, names, phase)
         made[f"{transition.name}_settling"] = settling.mode()
         last, *out = settling.transitions()
         listed += [last, replace(transition, rests=None, rest_time=None), *out]
@@ -64,8 +65,26 @@ def with_rests(
     return made, tuple(listed)
 
 
+def _settling(
+    transition: Transition, transitions: tuple[Transition, ...], modes: Mapping[str, Mode], states: tuple[str, ...],
+    names: tuple[str, ...], phase: tuple[str, str] | None,
+) -> _Settling:  # fmt: skip
+    """Return what is made of one transition: of impacts within a mode, or of those that lead from side to side."""
+    if transition.target == transition.source:
+        return _Settling(transition, modes, states, names, phase)
+    way = (transition.target, transition.source, transition.event, -transition.direction)
+    back = next((t for t in transitions if (t.source, t.target, t.event, t.direction) == way), None)
+    if back is None or not transition.direction:
+        wanted = "a transition from a mode to itself, with a direction, or one with another back at the same event"
+        where = f"transition {transition.name!r}"
+        raise DefinitionError(where, transition.rests, f"left out, or {wanted}", "as an impact is")
+    return _Rocking(transition, back, modes, states, names, phase)
+
+
 class _Settling:
-    """What is made of one transition."""
+    """What is made of one transition, whose impacts stay in their mode."""
+
+    share = _SHARE  # time left at which a sequence is summed up, over the period of the phase
 
     def __init__(
         self, transition: Transition, modes: Mapping[str, Mode], states: tuple[str, ...], names: tuple[str, ...],
@@ -79,8 +98,8 @@ class _Settling:
         if rests not in modes:
             hint = nearest(rests, modes)
             raise DefinitionError(self.where, transition.rests, f"a mode to rest in: {', '.join(modes)}", hint)
-        if transition.source not in modes or transition.target != transition.source or not transition.direction:
-            wanted = "a transition from a mode to itself, with a direction"
+        if transition.source not in modes or not transition.direction:
+            wanted = "a transition between known modes, with a direction"
             raise DefinitionError(self.where, transition.rests, f"left out, or {wanted}", "as an impact is")
         self.x = {name: sympy.Symbol(name, real=True) for name in states}
         self.field, self.resting = (
@@ -88,17 +107,19 @@ class _Settling:
             for mode in (transition.source, rests)
         )
         self.reset = {self.x[name]: self.read(text) for name, text in transition.reset.items() if name in states}
-        self.domain = modes[transition.source].domain
+        self.domain = modes[transition.source].domain if transition.target == transition.source else None
+        self.modes = modes
         self._prepare()
 
     def read(self, text: str) -> sympy.Expr:
         return parse(text, self.names, self.where)
 
-    def along(self, value: sympy.Expr) -> sympy.Expr:
-        """Return the rate of a function along the source's field."""
+    def along(self, value: sympy.Expr, field: Mapping[str, sympy.Expr] | None = None) -> sympy.Expr:
+        """Return the rate of a function along a field, by default the source's."""
         import sympy
 
-        rate = sum(sympy.diff(value, self.x[name]) * self.field[name] for name in self.states)
+        known = self.field if field is None else field
+        rate = sum(sympy.diff(value, self.x[name]) * known[name] for name in self.states)
         if self.phase is not None:
             rate += sympy.diff(value, sympy.Symbol(self.phase[0], real=True)) * self.read(self.phase[1])
         return rate
@@ -126,7 +147,7 @@ class _Settling:
         self._check_pull()
         left = self.t.rest_time
         if left is None:
-            left = _SHARE if self.phase is None else f"{_SHARE * 2.0 * math.pi!r}/({self.phase[1]})"
+            left = self.share if self.phase is None else f"{self.share * 2.0 * math.pi!r}/({self.phase[1]})"
         self.left = self.read(text_of(left, self.where, self.names))
 
     def _check_pull(self) -> None:
@@ -196,3 +217,71 @@ class _Settling:
 
     def text(self, value: sympy.Expr) -> str:
         return text_of(value, self.where, self.names)
+
+
+class _Rocking(_Settling):
+    """What is made of a transition whose impacts lead from side to side, as those of a rocking block.
+
+    The pulls differ on both sides, and so may the restitutions. The time left is summed up to first order.
+    """
+
+    share = _SHARE_OF_SIDES
+
+    def __init__(
+        self, transition: Transition, back: Transition, modes: Mapping[str, Mode], states: tuple[str, ...],
+        names: tuple[str, ...], phase: tuple[str, str] | None,
+    ) -> None:  # fmt: skip
+        self.back = back
+        super().__init__(transition, modes, states, names, phase)
+
+    def _prepare(self) -> None:
+        """Work out rate, pulls and restitutions of both sides."""
+        import sympy
+
+        super()._prepare()
+        self.beyond = {name: self.read(self.modes[self.t.target].field.get(name, "0")) for name in self.states}
+        if sympy.expand(self.along(self.height, self.beyond) - self.rate) != 0:
+            wanted = "an event whose rate is the same function in both modes"
+            raise DefinitionError(self.where, self.t.event, wanted, "the height of a body is one")
+        returns = {self.x[name]: self.read(text) for name, text in self.back.reset.items() if name in self.x}
+        there = sympy.cancel(sympy.together(self.rate.xreplace(returns) / self.rate))
+        own, other = self.t.direction * self.pull, -self.t.direction * self.along(self.rate, self.beyond)
+        lost = 1 + self.restitution * there  # 1 less the product of both restitutions
+        self.pulls = own, other
+        self.slowing = own * other * lost / (2 * (own + there * other))
+
+    def mode(self) -> Mode:
+        """See `_Settling.mode`."""
+        import sympy
+
+        still = {self.x[name]: self.x[name] - part * self.rate for name, part in self.turn.items()}
+        rates = {
+            name: sympy.expand(self.resting[name].xreplace(still))
+            - self.turn.get(name, 0) * self.t.direction * self.slowing
+            for name in self.states
+        }
+        return Mode({name: self.text(rate) for name, rate in rates.items()})
+
+    def transitions(self) -> list[Transition]:
+        """See `_Settling.transitions`."""
+        import sympy
+
+        t, settling = self.t, f"{self.t.name}_settling"
+        time = self.left * self.slowing - t.direction * self.rate
+        when = sympy.Min(*(self.after(part) for part in (*self.pulls, time)))
+        last = replace(
+            t, target=settling, when=self.text(when), name=f"{t.name}_last", rests=None, rest_time=None, sums=True
+        )
+        return [last, Transition(settling, str(t.rests), self.text(self.rate), -t.direction)]
+
+    def leaving(self, transition: Transition) -> Transition:
+        """See `_Settling.leaving`: a motion may leave the rest to either side."""
+        fields = {self.t.source: self.field, self.t.target: self.beyond}
+        if transition.source != self.t.rests or transition.target not in fields or transition.reset:
+            return transition
+        field = fields[transition.target]
+        pull = self.along(self.rate, field)
+        gained = self.along(pull, field) * (self.left * _MOMENT) ** 2 / 2 - self.rate
+        return replace(
+            transition, reset={name: self.text(self.x[name] + part * gained) for name, part in self.turn.items()}
+        )
