@@ -25,7 +25,7 @@ from saltus.basins.map.labelling import TOLERANCE
 from saltus.basins.wilson import wilson
 from saltus.ensemble.traps import DIVERGED, UNDECIDED
 from saltus.errors import DivergenceError
-from saltus.flow.motion import starting_mode
+from saltus.flow.starting import starting_mode
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

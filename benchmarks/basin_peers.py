@@ -25,8 +25,8 @@ from saltus.basins.map.labelling import TOLERANCE
 from saltus.ensemble.ensemble import Ensemble, regions_of
 from saltus.ensemble.kernels.lanes import fate
 from saltus.ensemble.traps import UNDECIDED, Traps
-from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate
+from saltus.flow.starting import starting_mode
 from saltus.options import AttractorOptions
 
 if TYPE_CHECKING:

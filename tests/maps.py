@@ -22,7 +22,8 @@ def strobed(image, states=("x",)):
 
     work = np.zeros(1, np.int64)
     p = system.parameter_vector({})
-    return SimpleNamespace(strobe=strobe, system=system, p=p, work=work, left_over=0, admits=lambda x: True)
+    anywhere = {"admits": lambda x: True, "lacked": lambda points: np.zeros(np.shape(points), bool)}
+    return SimpleNamespace(strobe=strobe, system=system, p=p, work=work, left_over=0, **anywhere)
 
 
 def round_about(point, radius):

@@ -62,7 +62,7 @@ def _writer(symbolic: Symbolic, order: int, exact: list[tuple[int, int]], _: tup
 
 # Modules from which the text of lanes comes, besides those of series.
 _TEXT = ("exact_step", "labels", "lane_kinds", "lane_text", "taylor_step", "writer")
-LANES = Kind("lanes", _writer, (*SERIES_TEXT, *(f"ensemble.{name}" for name in _TEXT)))
+LANES = Kind("lanes", _writer, (*SERIES_TEXT, "system.own_states", *(f"ensemble.{name}" for name in _TEXT)))
 
 
 def load_lanes(system: Definition, order: int, exact: dict[int, int]) -> CompiledLanes | None:

@@ -22,6 +22,7 @@ from saltus.flow.motion import jumps_at_phase_zero
 from saltus.flow.starting import starting_mode
 from saltus.flow.variational import Average, Growth, growth_along
 from saltus.system.angles import refuse
+from saltus.system.own_states import absent_states
 from saltus.work import processors, starting
 
 if TYPE_CHECKING:
@@ -224,6 +225,13 @@ class Ensemble:
     def starting_mode(self, x: NDArray[np.float64]) -> int:
         """Return the index of the mode in which a motion starts from a state; raise `InputError` without one."""
         return starting_mode(self.system, self.system.full_state(x), self.p)
+
+    def lacked(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether the mode in which a motion starts lacks each state, shape (m, n), as `points` has."""
+        found = np.zeros(points.shape, np.bool_)
+        for row, x in zip(found, points, strict=True):
+            row[absent_states(self.system, self.starting_mode(x))] = True
+        return found
 
     def growth(self, x: NDArray[np.float64], mode: int, periods: int, discard: int | None) -> Growth:
         """Return how perturbations grow along a motion, over periods of the phase or intervals between strobes."""

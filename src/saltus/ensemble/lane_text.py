@@ -60,18 +60,28 @@ class LaneText(Writer):
                     found.setdefault(k, set()).add(way)
         return found
 
+    @cached_property
+    def two_sided(self) -> set[int]:
+        """Events with a direction whose surface a motion may pass without a transition, as their condition fails."""
+        s, about = self.system, {pool.form.transition for pool in self.pools if pool.form is not None}
+        return {
+            k
+            for k, transition in enumerate(s.system.transitions)
+            if s.when[k] != 1 and transition.direction and k not in about and k not in self.touches
+        }
+
     def on(self, j: int) -> int:
         """Field that is 1 where a motion starts on the surface of event j of its mode, 2 where it touches it there."""
         return self.n_states + len(FIELDS) + j
 
     def side(self, j: int) -> int:
-        """Field with the side of the surface of event j, where it has no direction."""
+        """Field with the side of the surface of event j, where it has no direction, or may be passed without it."""
         return self.n_states + len(FIELDS) + self.n_events + j
 
     def side_of(self, j: int, transition: int) -> str:
         """Sign of an event function in its mode: against its direction, or as the motion began."""
         direction = self.system.system.transitions[transition].direction
-        return repr(-float(direction)) if direction else self.load(self.side(j))
+        return self.load(self.side(j)) if not direction or transition in self.two_sided else repr(-float(direction))
 
     def load(self, name: str | int) -> str:
         """Text that reads a field of lane l."""

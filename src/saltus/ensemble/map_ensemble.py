@@ -185,6 +185,10 @@ class MapEnsemble:
         """Return 0: the state decides which piece holds."""
         return 0
 
+    def lacked(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether a piece lacks each state, shape (m, n): none does."""
+        return np.zeros(points.shape, np.bool_)
+
     def growth(self, x: NDArray[np.float64], mode: int, periods: int, discard: int | None) -> Growth:
         """Return how perturbations grow along a motion, over some iterations."""
         return growth_of_map(self.system, self.p, x, average=Average(periods=periods, discard=discard))

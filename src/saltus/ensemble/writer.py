@@ -20,6 +20,7 @@ from saltus.ensemble.lane_kinds import Pool
 from saltus.ensemble.lane_text import LaneText
 from saltus.ensemble.taylor_step import taylor_step
 from saltus.system.expansion import expanded
+from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -117,7 +118,10 @@ class LaneWriter(LaneText):
         return lines
 
     def _entries(self) -> str:
-        """Functions that enter a mode: `on` is the bits of the events whose surface the motion starts on."""
+        """Functions that enter a mode: `on` is the bits of the events whose surface the motion starts on.
+
+        A further bit, `same_mode`, tells that the motion was in the mode before.
+        """
         s, names, texts = self.system, self._state_names(), []
         for mode in range(len(s.field)):
             pool = self.pools[mode]
@@ -133,7 +137,7 @@ class LaneWriter(LaneText):
                     lines.append("        pass")
                 else:
                     lines.append(f"        {self.store(self.on(j), self._on_value(j, k))}")
-                    if not direction:
+                    if not direction or k in self.two_sided:
                         # a side that rounding decides is the event-driven flow's to tell
                         lines += [
                             f"        if not abs({rate}) > {_CLEAR!r}*({self._size_of_terms(s.rate[k], names)}):",
@@ -141,9 +145,12 @@ class LaneWriter(LaneText):
                             f"        {self.store(self.side(j), f'math.copysign(1.0, {rate})')}",
                         ]
                 lines += ["    else:", f"        value = {value}"]
-                if direction:
+                if direction and k not in self.two_sided:
                     lines.append(f"        value = {-float(direction)!r}*value")
                 else:
+                    if direction:  # beyond it a motion lands only where the condition fails
+                        passed = f"{float(direction)!r}*value > 0.0 and {self.text_of(s.when[k], names)} > 0.0"
+                        lines += [f"        if not on & {self.same_mode} and {passed}:", f"            return {HARD}"]
                     lines.append(f"        {self.store(self.side(j), 'math.copysign(1.0, value)')}")
                     lines.append("        value = abs(value)")
                 lines += ["        if not value > 0.0:", f"            return {HARD}"]
@@ -152,6 +159,11 @@ class LaneWriter(LaneText):
             lines.append(f"    return {mode}")
             texts.append("\n".join(lines) + "\n")
         return "".join(texts)
+
+    @property
+    def same_mode(self) -> int:
+        """Bit behind those of the events in the argument of functions that enter a mode."""
+        return 1 << 2 * self.n_events
 
     def _on_value(self, j: int, k: int) -> str:
         """Text of what a lane's field `on` holds of event j of a mode, transition k, on whose surface it starts."""
@@ -166,13 +178,14 @@ class LaneWriter(LaneText):
     def _begin(self) -> str:
         """The pool of a motion at phase 0: its mode's, by default the first that its state allows.
 
-        A motion that starts on a surface is left to `saltus.flow.motion.starting_mode`.
+        A motion that starts on a surface is left to `saltus.flow.starting.starting_mode`.
         """
         s, names = self.system, self._state_names()
         lines = ["\n\n@scalar", "def begin(mode, S, l, p, q):", *(f"    {x}" for x in self._state_lines())]
         for mode in range(len(s.field)):
             surfaces: list[str] = []
-            conditions = [f"{self.text_of(s.domain[mode], names)} > 0.0"] if s.domain[mode] != 1 else []
+            conditions = [f"x{i} == 0.0" for i in absent_states(s.system, mode)]
+            conditions += [f"{self.text_of(s.domain[mode], names)} > 0.0"] if s.domain[mode] != 1 else []
             for k in self.events[mode]:
                 transition = s.system.transitions[k]
                 if transition.target == transition.source or not transition.direction:
@@ -223,9 +236,14 @@ class LaneWriter(LaneText):
                     f"    if not abs({value})*{self.place(f'escale{transition}')} < {_CLOSE!r}:",
                     f"        return {HARD}",
                 ]
-            for way in self._alike(transition):
-                lines += [f"    {line}" for line in self._happening(way, names)]
-            lines.append(f"    return {HARD}")
+            ways = self._alike(transition)
+            happens = [line for way in ways for line in self._happening(way, names)]
+            if transition not in self.two_sided or len(ways) > 1:
+                lines += [*(f"    {line}" for line in happens), f"    return {HARD}"]
+                continue
+            before = repr(-float(s.system.transitions[transition].direction))
+            lines += [f"    if {self.load(self.side(j))} == {before}:", *(f"        {line}" for line in happens)]
+            lines.append(f"    return enter_{pool.mode}(S, l, {1 << j | self.same_mode}, p, q)")
         return lines
 
     def _alike(self, transition: int) -> list[int]:
@@ -255,12 +273,20 @@ class LaneWriter(LaneText):
         moved = dict(zip(s.x, s.reset[transition], strict=True))
         bits = 0
         for j, k in enumerate(self.events[target]):
-            event = s.event[k].xreplace(moved)
-            if any(expanded(event + sign * s.event[transition]) == 0 for sign in (-1, 1)):
+            if self._vanishes_with(s.event[k].xreplace(moved), s.event[transition]):
                 bits |= 1 << j
             if transition in self.touches.get(k, ()):
                 bits |= 1 << j | 1 << (j + self.n_events)
         return bits
+
+    def _vanishes_with(self, event: sympy.Expr, other: sympy.Expr) -> bool:
+        """Whether an event function is 0, or another one times what knows no state."""
+        if event == 0 or any(expanded(event + sign * other) == 0 for sign in (-1, 1)):
+            return True
+        states = set(self.system.x)
+        if event.free_symbols & states != other.free_symbols & states:
+            return False
+        return all(expanded(event * other.diff(x) - other * event.diff(x)) == 0 for x in other.free_symbols & states)
 
     def _to_modal(self, k: int) -> list[str]:
         n, split = self.n_states, self.pools[k].split
@@ -277,7 +303,7 @@ class LaneWriter(LaneText):
     def _exact_left(self, k: int, pool: Pool) -> list[str]:
         assert pool.split is not None
         theta = [f"theta = {self.place('rate')}*{self.load('t')}"] if self.has_phase else []
-        return [*theta, *self._from_modal(k, pool.split), f"return enter_{pool.mode}(S, l, 0, p, q)"]
+        return [*theta, *self._from_modal(k, pool.split), f"return enter_{pool.mode}(S, l, {self.same_mode}, p, q)"]
 
     def _from_modal(self, k: int, split: Split, to: str = "st(S, {}*NL, l, {})") -> list[str]:
         n, name = self.n_states, f"far{self.pools[k].mode}_"

@@ -91,9 +91,17 @@ def test_beyond_a_plane_side_of_the_basin_the_ellipsoid_goes_on_growing():
 
 def test_what_is_measured_is_the_part_that_ends_elsewhere():
     trial = enlarging(half_plane, [5.0, 5.0], samples=4000, states=("x", "y"))
-    found = trial.elsewhere(round_about([0.0, 0.0], 1.5), round_about([0.0, 0.0], 0.1), 20_000)
+    found, followed = trial.elsewhere(round_about([0.0, 0.0], 1.5), round_about([0.0, 0.0], 0.1), 20_000)
+    assert followed == 20_000
     beyond = (np.arccos(2.0 / 3.0) - 2.0 / 3.0 * np.sqrt(5.0) / 3.0) / np.pi  # of a disc, past 2/3 of its radius
     assert found / 20_000 == pytest.approx(beyond, abs=3.0 * np.sqrt(beyond * (1.0 - beyond) / 20_000))
+
+
+def test_a_sample_from_which_no_motion_may_start_measures_nothing():
+    trial = enlarging(half_plane, [5.0, 5.0], samples=4000, states=("x", "y"))
+    trial.ensemble.admits = lambda x: x[0] < 0.0 or x[1] < 0.0
+    found, followed = trial.elsewhere(round_about([1.5, 0.0], 0.3), round_about([0.0, 0.0], 0.1), 20_000)
+    assert found == followed == pytest.approx(10_000, abs=3.0 * np.sqrt(5000.0))
 
 
 def test_states_that_motions_entered_and_left_are_cut_out_too():

@@ -149,3 +149,14 @@ def test_boxes_of_two_attractors_share_none():
     ).cells
     assert len(np.unique(cells.boxes, axis=0)) == len(cells.boxes)
     assert set(cells.labels.tolist()) == {0, 1}
+
+
+def test_samples_keep_a_state_that_their_mode_lacks_and_fill_the_rest_evenly():
+    metric = np.array([[2.0, 0.5, 0.3], [0.0, 1.5, -0.4], [0.0, 0.0, 1.0]])
+    region = OrbitEllipsoids(np.array([[1.0, 0.0, 2.0]]), metric[None], 0.25, absent=np.array([[False, True, False]]))
+    x = region.samples(20_000, np.random.default_rng(4))
+    assert np.all(x[:, 1] == 0.0)
+    sizes = region.sizes(x)[:, 0] / 0.25
+    # uniform in a disc: the squared radius is uniform
+    assert np.sort(sizes)[[5000, 10_000, 15_000]] == pytest.approx([0.25, 0.5, 0.75], abs=0.015)
+    assert sizes.max() < 1.0

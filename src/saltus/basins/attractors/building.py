@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -230,23 +231,27 @@ class Building:
         assert inner is not None
         # of what starts in the core, only contraction was seen
         samples = self.samples if core.level < inner.level else min(self.samples, CONTRACTING)
-        elsewhere = enlarging.elsewhere(self.ellipsoids[label], core, samples)
-        if elsewhere > _TOLERATED * samples:
+        elsewhere, followed = enlarging.elsewhere(self.ellipsoids[label], core, samples)
+        if elsewhere > _TOLERATED * followed or not followed:
             if self.found[label].cage is not None:
                 del self.ellipsoids[label]
                 return ""
+            if not followed:
+                size = math.sqrt(self.ellipsoids[label].level)
+                hint = "motions may start from none of them"
+                raise ConvergenceError("trapping region", size, samples, hint, unit="samples")
             if self.ellipsoids[label] is not self.wholes[label]:
                 self.ellipsoids[label], entered = self.wholes[label], None
-                elsewhere = enlarging.elsewhere(self.wholes[label], core, samples)
+                elsewhere, followed = enlarging.elsewhere(self.wholes[label], core, samples)
         region = self.ellipsoids[label]
-        bound = wilson(elsewhere, samples)[1]
+        bound = wilson(elsewhere, followed)[1]
         self.error = max(self.error, bound)
-        radius = ", ".join(f"{value:.3g}" for value in region.half_widths()[0])
+        radius = ", ".join(f"{value:.3g}" for value in (region.half_widths() * ~region.absent)[0])
         points = f"each of {len(region.centres)} points" if len(region.centres) > 1 else "its point"
         planes = f", cut by {region.offsets.shape[1]} planes" if region.offsets.size else ""
         note = (
             f"ellipsoid of the discrete Lyapunov equation about {points}, half widths {radius}{planes}; measured: "
-            f"{samples} samples, {elsewhere or 'none'} elsewhere: < {bound:.2g} at 95 %"
+            f"{followed} samples, {elsewhere or 'none'} elsewhere: < {bound:.2g} at 95 %"
         )
         if entered is None:
             return note

@@ -107,8 +107,13 @@ class FollowedMotions:
         return np.where(half > 0.0, half, np.where(sizes > 0.0, sizes, half.max() or 1.0))
 
     @cached_property
-    def overlap(self) -> bool:
-        """Whether states of the region allow several modes; motions from samples start in the first."""
+    def by_mode(self) -> bool:
+        """Whether a trapping region holds motions of one mode only: states allow several, or modes lack some states.
+
+        Motions from samples start in the first mode that a state allows.
+        """
+        if any(mode.states is not None for mode in self.system.modes.values()):
+            return True
         x = np.random.default_rng(self.options.rng).uniform(self.low, self.high, (_STATES, len(self.low)))
         system = flowing(self.system)
         return any(len(list(allowed_modes(system, self.system.full_state(row), self.p))) > 1 for row in x)

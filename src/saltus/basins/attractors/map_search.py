@@ -30,7 +30,7 @@ class MapSearch(AttractorSearch):
     """The search for all attractors of a map; its arguments are those of `FollowedMotions`."""
 
     system: Map
-    overlap = False  # the state decides which piece holds
+    by_mode = False  # the state decides which piece holds
 
     @property
     def sampled(self) -> bool:

@@ -172,8 +172,9 @@ class PeriodicSearch(FollowedMotions):
     def contracts(self, found: Found) -> bool:
         """Give a periodic attractor the ellipsoid in which motions contract; return whether there is one."""
         metric = self._metric(found)
-        if metric is not None and self.overlap:
-            metric = replace(metric, modes=np.array([self.ensemble.starting_mode(x) for x in found.points]))
+        if metric is not None and self.by_mode:
+            modes = np.array([self.ensemble.starting_mode(x) for x in found.points])
+            metric = replace(metric, modes=modes, absent=self.ensemble.lacked(found.points))
         found.ellipsoid = None if metric is None else contracting(self.precise, metric, self.rng)
         found.core = None if found.ellipsoid is None else core_of(self.ensemble, found.ellipsoid, self.rng)
         return found.ellipsoid is not None

@@ -119,12 +119,16 @@ class Enlarging:
         """
         longest = min(self.options.longest, _LONG * SOON)
         region = region.at(max(self.options.safety * region.level, inner.level))
-        while (leaving := self._leaving(region, core, self.samples, longest, enough=1)) is None or len(leaving):
+        least = min(_LEAST * core.level, inner.level)
+        while True:
+            last = _SHRINKING * region.level < least
+            leaving = self._leaving(region, core, self.samples, longest, enough=1, patient=last)
+            if leaving is not None and not len(leaving):
+                return region
             region = region.at(_SHRINKING * region.level)
-            if region.level < min(_LEAST * core.level, inner.level):
+            if last:
                 radius = math.sqrt(region.level)
                 raise ConvergenceError("trapping region", radius, self.samples, "motions leave it", unit="samples")
-        return region
 
     def beyond(
         self,
@@ -164,35 +168,46 @@ class Enlarging:
         found = self._cut(cut, whole, self.samples, _LAST_TRIES)
         return whole if found is None else found
 
-    def elsewhere(self, region: OrbitEllipsoids, core: OrbitEllipsoids, samples: int) -> int:
-        """Return the count of fresh samples in a region that do not end in `core`."""
-        return len(self._bad(region.samples(samples, self.rng), core, self.options.longest))
+    def elsewhere(self, region: OrbitEllipsoids, core: OrbitEllipsoids, samples: int) -> tuple[int, int]:
+        """Return how many fresh samples in a region do not end in `core`, and from how many a motion may start."""
+        bad, barred = self._bad(region.samples(samples, self.rng), core, self.options.longest)
+        return len(bad), samples - barred
 
     def _larger(self, region: OrbitEllipsoids) -> OrbitEllipsoids | None:
         larger = region.at(_GROWING * region.level)
         return None if np.all(larger.half_widths() > self.widest) else larger
 
     def _leaving(
-        self, region: OrbitEllipsoids, within: OrbitEllipsoids, samples: int, longest: int, enough: int
+        self,
+        region: OrbitEllipsoids,
+        within: OrbitEllipsoids,
+        samples: int,
+        longest: int,
+        enough: int,
+        *,
+        patient: bool = False,
     ) -> NDArray[np.float64] | None:
-        """Return samples in a region whose motions do not end in `within`; None where lanes leave many over.
+        """Return samples in a region whose motions do not end in `within`.
 
-        The search for such samples ends at `enough`.
+        The search for such samples ends at `enough`. None where lanes leave many motions over, unless it is patient.
         """
         work, left_over = self.ensemble.work.sum(), self.ensemble.left_over
         found = [self.others[region.holds(self.others)]]
         for count in pieces(samples):
             if sum(map(len, found)) >= enough:
                 break
-            found.append(self._bad(region.samples(count, self.rng), within, longest))
-            if self.ensemble.left_over > left_over + LEFT_OVER and self.ensemble.work.sum() > work:
+            found.append(self._bad(region.samples(count, self.rng), within, longest)[0])
+            slow = self.ensemble.left_over > left_over + LEFT_OVER and self.ensemble.work.sum() > work
+            if slow and not patient:
                 return None
         return np.concatenate(found)
 
-    def _bad(self, x: NDArray[np.float64], within: OrbitEllipsoids, longest: int) -> NDArray[np.float64]:
+    def _bad(self, x: NDArray[np.float64], within: OrbitEllipsoids, longest: int) -> tuple[NDArray[np.float64], int]:
+        """Return the states whose motions do not settle, and the count of those from which no motion may start."""
         bad = ~self.settles(x, within, longest)
+        lost = int(bad.sum())
         bad[bad] = [self.ensemble.admits(row) for row in x[bad]]
-        return np.asarray(x[bad])
+        return x[bad], lost - int(bad.sum())
 
     def _cut(
         self, region: OrbitEllipsoids, within: OrbitEllipsoids, samples: int, tries: int

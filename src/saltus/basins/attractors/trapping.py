@@ -66,9 +66,13 @@ class OrbitEllipsoids:
     offsets: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))  # shape (period, planes)
     # shape (period,): mode of the motions that each ellipsoid holds; -1 for all modes
     modes: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    # shape (period, n): states that the mode of an ellipsoid's motions lacks; no sample differs from the centre there
+    absent: NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, 0), np.bool_))
 
     def __post_init__(self) -> None:
         period, n = self.centres.shape
+        if not self.absent.size:
+            object.__setattr__(self, "absent", np.zeros((period, n), np.bool_))
         if not self.offsets.size:
             object.__setattr__(self, "normals", np.empty((period, 0, n)))
             object.__setattr__(self, "offsets", np.empty((period, 0)))
@@ -112,7 +116,7 @@ class OrbitEllipsoids:
 
     def share(self, samples: int, rng: np.random.Generator) -> float:
         """Return the least share of an ellipsoid's volume that its planes leave, from samples."""
-        y = math.sqrt(self.level) * _in_ball(samples, self.centres.shape[1], rng)
+        y = math.sqrt(self.level) * _in_ball(np.ones((samples, self.centres.shape[1]), np.bool_), rng)
         inside = np.einsum("kpj,mj->kmp", self.normals, y) < self.offsets[:, None, :]
         return float(inside.all(axis=2).mean(axis=1).min())
 
@@ -140,15 +144,17 @@ class OrbitEllipsoids:
         """Return states uniform in each ellipsoid, `count` in all, shape (count, n), grouped by ellipsoid."""
         period, n = self.centres.shape
         which = np.arange(count) * period // count
-        y = np.empty((count, n))
+        inverse = np.zeros((period, n, n))  # of each metric, for the states that are present
+        for own, metric, present in zip(inverse, self.metrics, ~self.absent, strict=True):
+            own[np.ix_(present, present)] = np.linalg.inv(np.linalg.qr(metric[:, present], mode="r"))
+        x = np.empty((count, n))
         outside = np.arange(count)
         while len(outside):
-            y[outside] = math.sqrt(self.level) * _in_ball(len(outside), n, rng)
             own = which[outside]
-            inside = (np.einsum("mpj,mj->mp", self.normals[own], y[outside]) < self.offsets[own]).all(axis=1)
-            outside = outside[~inside]
-        inverse = np.linalg.inv(self.metrics)
-        return np.asarray(self.centres[which] + np.einsum("mij,mj->mi", inverse[which], y))
+            within = math.sqrt(self.level) * _in_ball(~self.absent[own], rng)
+            x[outside] = self.centres[own] + np.einsum("mij,mj->mi", inverse[own], within)
+            outside = outside[~self._inside(x[outside])[np.arange(len(own)), own]]
+        return x
 
     def half_widths(self) -> NDArray[np.float64]:
         """Return the half widths of the boxes about the ellipsoids, shape (period, n)."""
@@ -166,10 +172,11 @@ class OrbitEllipsoids:
         )
 
 
-def _in_ball(count: int, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Points uniform in the unit ball, shape (count, n)."""
-    ball = rng.standard_normal((count, n))
-    return np.asarray(ball * (rng.random(count) ** (1.0 / n) / np.linalg.norm(ball, axis=1))[:, None])
+def _in_ball(free: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Points uniform in unit balls of the coordinates that are free, shape (count, n); the others are 0."""
+    ball = free * rng.standard_normal(free.shape)
+    radii = rng.random(len(free)) ** (1.0 / free.sum(axis=1))
+    return np.asarray(ball * (radii / np.linalg.norm(ball, axis=1))[:, None])
 
 
 def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -241,7 +248,8 @@ def map_jacobians(
     """
     m, n = points.shape
     pushes = np.concatenate([np.diag(_STEP * scale), np.diag(-_STEP * scale)])
-    images, _ = ensemble.strobe((points[:, None, :] + pushes).reshape(-1, n))
+    present = ~ensemble.lacked(points)[:, None, :]  # a state that a mode lacks does not move, and moves nothing
+    images, _ = ensemble.strobe((points[:, None, :] + present * pushes).reshape(-1, n))
     ahead, behind = np.split(images.reshape(m, 2 * n, n), 2, axis=1)
     return np.asarray(((ahead - behind) / (2.0 * _STEP * scale)[:, None]).transpose(0, 2, 1))
 
@@ -317,7 +325,7 @@ def _contracts(ensemble: Ensemble | MapEnsemble, ellipsoid: OrbitEllipsoids, rng
     clear = before > _CLEAR * ellipsoid.level
     # NaN, where a motion diverges, is not less
     contracts = (after < ellipsoid.level) & (~clear | (after < before))
-    return not any(ensemble.admits(row) for row in x[~contracts])
+    return bool(contracts.any()) and not any(ensemble.admits(row) for row in x[~contracts])
 
 
 def core_of(ensemble: Ensemble | MapEnsemble, inner: OrbitEllipsoids, rng: np.random.Generator) -> OrbitEllipsoids:

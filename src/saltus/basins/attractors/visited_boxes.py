@@ -93,7 +93,8 @@ def _followed(
 ) -> NDArray[np.float64]:
     """Return strobes of motions from beside an attractor, after their return and decorrelation."""
     starts = cloud[:: -(-len(cloud) // _MOTIONS)]
-    x, _ = ensemble.strobe(starts + _PUSH * np.ptp(cloud, axis=0) * rng.standard_normal(starts.shape), count=_FORGOTTEN)
+    pushes = _PUSH * np.ptp(cloud, axis=0) * rng.standard_normal(starts.shape) * ~ensemble.lacked(starts)
+    x, _ = ensemble.strobe(starts + pushes, count=_FORGOTTEN)
     x = x[np.isfinite(x).all(axis=1)]
     states = []
     for _ in range(-(-_POINTS // len(x))):
