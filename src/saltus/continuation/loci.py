@@ -140,7 +140,8 @@ def continue_locus(
     control = read_steps(steps, "a locus")
     reporter = Reporter(progress)
     # a special point, or a solution of any kind with its type
-    solution, point = (start.solution, start) if isinstance(start, SpecialPoint) else (start, None)
+    point = start.itself if isinstance(start, SpecialPoint) else None
+    solution = start if point is None else point.solution
     run = locus_run(solution)
     kind = _type_of(point, solution, run, type)
     plane = read_plane(solution, parameters, bounds)

@@ -90,8 +90,8 @@ def switch_branch(point: SpecialPoint[Any], which: int = 0, *, to: type[Solution
         At a PD an orbit of doubled period, at a BP an orbit of the other branch. Both lie a short step from the point
         and have their own value of the parameter. At a GR the grazing orbit itself in a neighbouring signature: the
         second of `grazing_orbits`. `continue_orbit` follows the branch through the orbit. At an HB of equilibria a
-        small cycle, at an HB of cycles the equilibrium. At a BP of equilibria an equilibrium of the other branch, for
-        `continue_equilibrium`.
+        small cycle, at an HB of cycles the equilibrium. At a BC where an equilibrium meets an event of the cycle this
+        equilibrium. At a BP of equilibria an equilibrium of the other branch, for `continue_equilibrium`.
 
     Raises
     ------
@@ -164,6 +164,8 @@ def _(solution: PeriodicOrbit, point: SpecialPoint[Any]) -> list[Any]:
     if point.type == "HB":
         return [equilibrium_of_cycle(solution)]
     check_along_parameter("point", point)
+    if point.homoclinic is not None and point.type in CHANGES:
+        return [point.equilibrium]
     if point.type in CHANGES:
         _, *others = grazing_orbits(point)
         if not others:
@@ -372,6 +374,9 @@ def grazing_orbits(point: SpecialPoint) -> list[PeriodicOrbit]:
     """
     if checks.instance("point", point, SpecialPoint).type not in CHANGES:
         raise InputError("point", point.type, f"of type {', '.join(CHANGES)}", "only there signatures meet")
+    if point.homoclinic is not None:
+        hint = f"at {point.label} an equilibrium meets the event {point.of!r}: switch_branch gives it"
+        raise InputError("point", point.label, "one at which two signatures of a cycle meet", hint)
     orbit = point.orbit
     problem, u = orbit.problem(), orbit.unknowns
     found, period = [orbit], orbit.period

@@ -19,7 +19,7 @@ from saltus.ensemble.labels import ADDRESSED, CHANGES, EVENT, GONE, HARD, HUGE, 
 from saltus.ensemble.lane_kinds import Pool
 from saltus.ensemble.lane_text import LaneText
 from saltus.ensemble.taylor_step import taylor_step
-from saltus.system.expansion import expanded
+from saltus.system.expansion import expanded, proportional
 from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
@@ -283,10 +283,7 @@ class LaneWriter(LaneText):
         """Whether an event function is 0, or another one times what knows no state."""
         if event == 0 or any(expanded(event + sign * other) == 0 for sign in (-1, 1)):
             return True
-        states = set(self.system.x)
-        if event.free_symbols & states != other.free_symbols & states:
-            return False
-        return all(expanded(event * other.diff(x) - other * event.diff(x)) == 0 for x in other.free_symbols & states)
+        return proportional(event, other, set(self.system.x))
 
     def _to_modal(self, k: int) -> list[str]:
         n, split = self.n_states, self.pools[k].split

@@ -65,6 +65,6 @@ def choices_at(place: Place | None, results: Mapping[str, Any], films: Callable[
     film = what == "orbit" and films(solution.system)
     if place.label is None or len(result.varied) > 1:
         return Choices(what, resume=True, film=film)
-    kind = result[place.label].type
+    kind = result[place.label].itself.type
     switch, follow = _SWITCHED[what].get(kind, ""), kind in _FOLLOWED[what]
     return Choices(what, kind not in CHANGES, switch, follow, what == "orbit" and kind == "PD", film)

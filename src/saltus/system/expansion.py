@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from math import comb
 
 import sympy
 
-__all__ = ["can_be_expanded", "expanded"]
+__all__ = ["can_be_expanded", "expanded", "proportional"]
 
 _TERMS = 20_000  # most terms of an expansion, some seconds
 
@@ -14,6 +15,21 @@ _TERMS = 20_000  # most terms of an expansion, some seconds
 def expanded(expression: sympy.Expr) -> sympy.Expr:
     """Return `sympy.expand` of an expression; the expression itself where that has too many terms."""
     return sympy.expand(expression) if can_be_expanded(expression) else expression
+
+
+def proportional(one: sympy.Expr, other: sympy.Expr, variables: Set[sympy.Symbol]) -> bool:
+    """Whether the ratio of two expressions, other than 0, knows none of the variables: both are 0 at once.
+
+    Examples
+    --------
+    >>> a, b, x, y = sympy.symbols("a b x y")
+    >>> proportional(a * x - a * y, x - y, {x, y}), proportional(a * x - b * y, x - y, {x, y})
+    (True, False)
+    """
+    common = one.free_symbols & variables
+    if common != other.free_symbols & variables:
+        return False
+    return all(expanded(one * other.diff(x) - other * one.diff(x)) == 0 for x in common)
 
 
 def can_be_expanded(expression: sympy.Expr) -> bool:

@@ -204,6 +204,13 @@ class HybridSystem(CompiledDefinition):
         """The compiled linear parts of the modes."""
         return compiled.load_linear(self)
 
+    @cached_property
+    def velocity_conditions(self) -> frozenset[int]:
+        """Indices of the transitions whose condition is the speed at which the event's surface is crossed."""
+        from saltus.system.conditions import velocity_conditions
+
+        return velocity_conditions(self)
+
     def field(
         self, mode: str, state: ArrayLike, *, parameters: Mapping[str, float] | None = None
     ) -> NDArray[np.float64]:

@@ -253,7 +253,8 @@ def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
             unit = (float(np.abs(gradient) @ found.sizes) or 1.0) / orbit.period
             if rate * orbit.system.transitions[k].direction < -_SLOW * unit:
                 reasons.append(f"direction of segment {i}")
-            if not reference.allows(k, piece.end[:, None])[0]:
+            touches = abs(rate) <= _SLOW * unit and k in orbit.system.velocity_conditions
+            if not touches and not reference.allows(k, piece.end[:, None])[0]:
                 reasons.append(f"condition of segment {i}")
     return reasons
 

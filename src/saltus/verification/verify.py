@@ -109,6 +109,7 @@ def _(solution: MapOrbit, sizes: NDArray[np.float64] | None = None) -> MapOrbitC
 
 def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> list[Row]:
     """Return the checks of a special point, the states of the sizes that they have along its curve, if any."""
+    point = point.itself
     if point.homoclinic is not None:
         return placed(point.label, EquilibriumCheck(point.homoclinic.saddle).rows())
     check, multiplicity = _check(point.solution, sizes), getattr(point, "multiplicity", 1)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import saltus
+from own_states import wall
 from saltus import Mode, Transition
+from saltus.errors import InputError
 from sliding import ADDING, CROSSING, GRAZING, SWITCHING, belt, harvested, limit_of_sticking, planar, relay
 
 WORDS = {"below": "M", "above": "P", "sliding": "S"}
@@ -205,13 +207,40 @@ def test_orbits_of_the_signatures_that_meet_are_one_motion(branch):
 
 def test_a_neuron_stops_firing_where_its_equilibrium_meets_the_threshold():
     neuron = saltus.HybridSystem(
-        ("v",), {"I": 1.5}, {"on": Mode({"v": "I - v"})}, [Transition("on", "on", "v - 1", 1, {"v": "0"}, name="spike")]
-    )
+        ("v",), {"I": 1.5, "h": 1.0}, {"on": Mode({"v": "I - v"})},
+        [Transition("on", "on", "v - h", 1, {"v": "0"}, name="spike")],
+    )  # fmt: skip
     orbit = saltus.find_orbit(neuron, {}, [0.0])
     assert orbit.period == pytest.approx(np.log(3.0), abs=1e-11)
     branch = saltus.continue_orbit(orbit, "I", (0.5, 2.0))
     end = next(reason for reason in branch.stopped if "without bound" in reason)
     assert end.endswith("the equilibrium of mode 'on' meets the event 'spike' at I = 1")
+    point = branch["BC1"]
+    assert point.parameters["I"] == pytest.approx(1.0, abs=1e-13)
+    assert repr(point).splitlines()[1] == "equilibrium on the event 'spike', at"
+    assert float(point.sensitivity(["h"])["I"].sel(parameter="h")) == pytest.approx(1.0, abs=1e-12)
+    assert saltus.verify(branch).passed
+    with pytest.raises(InputError, match="an equilibrium meets the event 'spike': switch_branch gives it"):
+        saltus.grazing_orbits(point)
+    rest = saltus.continue_equilibrium(saltus.switch_branch(point), "I", (0.0, 2.0))
+    assert rest["BE1"].parameters["I"] == pytest.approx(1.0, abs=1e-13)
+    locus = saltus.continue_locus(point, ("I", "h"), {"I": (0.0, 3.0), "h": (0.5, 2.0)})
+    np.testing.assert_allclose(locus.values[:, 0], locus.values[:, 1], atol=1e-12)
+
+
+def test_the_equilibrium_on_an_event_of_a_later_mode_is_kept_in_files(tmp_path):
+    modes = {"refractory": Mode({"v": "1.2 - v"}), "on": Mode({"v": "I - v"})}
+    transitions = [
+        Transition("refractory", "on", "v - 0.5", 1, {"v": "0.1"}, name="ready"),
+        Transition("on", "refractory", "v - 1", 1, {"v": "0"}, name="spike"),
+    ]
+    neuron = saltus.HybridSystem(("v",), {"I": 1.5}, modes, transitions)
+    branch = saltus.continue_orbit(saltus.find_orbit(neuron, {}, [0.0], mode="refractory"), "I", (0.5, 2.0))
+    assert branch["BC1"].equilibrium.mode == "on"
+    branch.save(tmp_path / "branch.nc")
+    again = saltus.load(tmp_path / "branch.nc")
+    assert again == branch
+    assert repr(again["BC1"]) == repr(branch["BC1"])
 
 
 def test_a_border_collision_meets_bifurcations_of_the_neighbouring_signature():
@@ -221,3 +250,35 @@ def test_a_border_collision_meets_bifurcations_of_the_neighbouring_signature():
         ("PD", "smaller signature"): -1.0, ("SN", "smaller signature"): 1.0,
     }  # fmt: skip
     np.testing.assert_allclose(locus.values[:, locus.names.index("mu")], 0.0, atol=1e-12)
+
+
+def impacting(**options):
+    """Return a driven mass that a wall turns back."""
+    return saltus.HybridSystem(
+        ("x", "v"), {"c": 0.1, "d": 1.0, "e": 0.8, "w": 0.7, "A": 0.4},
+        {"free": Mode({"x": "v", "v": "A*cos(s) - c*v - x"})},
+        [Transition("free", "free", "x - d", 1, {"v": "-e*v"}, name="impact", **options)], phase=("s", "w"),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("amplitude", [0.4, 0.65])
+def test_a_condition_on_the_speed_changes_no_branch_and_no_locus(amplitude):
+    found = []
+    for options in ({}, {"when": "3*v"}):
+        orbit = saltus.find_orbit(impacting(**options), {"A": amplitude}, [0.0, 0.0])
+        branch = saltus.continue_orbit(orbit, "A", (0.3, 0.7))
+        assert saltus.verify(branch).passed
+        locus = saltus.continue_locus(branch["GR1"], ("A", "w"), {"A": (0.2, 1.0), "w": (0.5, 1.5)})
+        points = [(point.label, point.parameters["A"]) for point in (*branch.special_points, *locus.special_points)]
+        found.append((points, branch.stopped, locus.stopped))
+    assert [label for label, _ in found[0][0]] == ["GR1", "PD1", "SN1", "PD1"]
+    assert [value for _, value in found[0][0]] == pytest.approx([value for _, value in found[1][0]], abs=1e-10)
+    assert found[0][1:] == found[1][1:]
+
+
+@pytest.mark.filterwarnings("ignore:saltus. 'release' lands beyond")
+def test_a_touch_with_a_condition_on_the_speed_is_located():
+    branch = saltus.continue_orbit(saltus.find_orbit(wall(), {}, [0.0, 0.0], mode="free"), "w", (0.6, 1.4))
+    assert branch.stopped == ("w = 0.6: bound reached", "w = 1.4: bound reached")
+    assert [point.label for point in branch.special_points] == ["SN1", "SN2", "GR1"]
+    assert saltus.verify(branch).passed

@@ -44,7 +44,7 @@ def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], 
         if end >= 0:
             way = float(system.transitions[end].direction or -1)
             found[Monitor("rate", i)] = lambda s, i=i, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
-            if system.transitions[end].when is not None:
+            if system.transitions[end].when is not None and end not in system.velocity_conditions:
                 found[Monitor("condition", i)] = lambda s, i=i: float(s.rates[i, 3])  # type: ignore[misc]
     return found
 
@@ -67,7 +67,7 @@ def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> li
     for i, k in enumerate(problem.signature.transitions):
         if k < 0:
             continue
-        held = problem.system.transitions[k].when is None
+        held = problem.system.transitions[k].when is None or k in problem.system.velocity_conditions
         size = math.nan if held else _condition_size(problem, k, problem.state_on(i, 1.0))
         if abs(survey.rates[i, 3]) < TOUCHING * size:
             found.append(Monitor("condition", i))
@@ -104,7 +104,10 @@ def without_shadows(names: Iterable[Monitor], vanishing: Iterable[int], count: i
 def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], survey: Survey) -> Survey:
     """Return a survey without the faults that are rounding where a quantity vanishes all along the locus."""
     if grazing.kind == "rate":
-        return replace(survey, faults=survey.faults & ~DIRECTION)
+        end = problem.signature.transitions[grazing.segment]
+        failed = np.delete(survey.rates[:, 3], grazing.segment) <= 0.0
+        kept = ~DIRECTION if end not in problem.system.velocity_conditions or failed.any() else ~(DIRECTION | WHEN)
+        return replace(survey, faults=survey.faults & kept)
     kept, durations = survey.faults, u[problem.n : problem.size : problem.n + 1]
     zero = np.flatnonzero(np.abs(durations) < TOUCHING * np.abs(durations).sum()).tolist()
     beside = {grazing.segment, *zero, *((i - 1) % problem.segments for i in zero)}

@@ -106,37 +106,51 @@ def _saddles(specials: list[Any], varied: tuple[str, ...], states: int) -> dict[
     """Return the equilibria of homoclinic orbits as variables; NaN at other special points."""
     count = len(specials)
     values, places = np.full((count, len(varied)), np.nan), np.full((count, states), np.nan)
+    modes = np.full(count, -1)
     eigenvalues, residuals = np.full((count, states), np.nan, dtype=np.complex128), np.full(count, np.nan)
     for i, point in enumerate(specials):
         if point.homoclinic is not None:
             saddle = point.homoclinic.saddle
             values[i] = [saddle.parameters[name] for name in varied]
             places[i], eigenvalues[i], residuals[i] = saddle.state, saddle.eigenvalues, saddle.residual
+            modes[i] = saddle.system.mode_index(saddle.mode)
     return {
         "special_saddle_value": (("special", "parameter"), values),
         "special_saddle": (("special", "state"), places),
         "special_eigenvalue_re": (("special", "state"), eigenvalues.real),
         "special_eigenvalue_im": (("special", "state"), eigenvalues.imag),
         "special_saddle_residual": ("special", residuals),
+        "special_saddle_mode": ("special", modes),
     }
 
 
 def _saddles_of(
-    held: Contents, system: HybridSystem, parameters: Mapping[str, float], varied: tuple[str, ...], modes: list[str]
+    held: Contents,
+    system: HybridSystem,
+    parameters: Mapping[str, float],
+    varied: tuple[str, ...],
+    starts: list[int],
+    events: list[str],
 ) -> list[Homoclinic | None]:
-    """Return what `_saddles` wrote, for special points whose orbits start in given modes."""
+    """Return what `_saddles` wrote, for special points whose orbits start in given modes, and the events met there."""
+    modes = starts  # so it is in files of version 0.1
+    if "special_saddle_mode" in held.dataset:
+        modes = held.array("special_saddle_mode", ("special",), int, least=-1, most=len(system.modes) - 1).tolist()
     values = held.array("special_saddle_value", ("special", "parameter"), finite=False)
     places = held.array("special_saddle", ("special", "state"), finite=False)
     eigenvalues = complex_table(held, "special_eigenvalue", ("special", "state"))
     residuals = held.array("special_saddle_residual", ("special",), finite=False)
     found: list[Homoclinic | None] = []
-    for value, place, own, residual, mode in zip(values, places, eigenvalues, residuals, modes, strict=True):
+    for value, place, own, residual, mode, event in zip(
+        values, places, eigenvalues, residuals, modes, events, strict=True
+    ):
         if not np.all(np.isfinite(place)):
             found.append(None)
             continue
         own_parameters = {**parameters, **dict(zip(varied, value.tolist(), strict=True))}
-        saddle = Equilibrium(system, all_parameters(own_parameters, system), mode, place, own, float(residual))
-        found.append(Homoclinic(saddle))
+        name = system.mode_names[mode]
+        saddle = Equilibrium(system, all_parameters(own_parameters, system), name, place, own, float(residual))
+        found.append(Homoclinic(saddle, event))
     return found
 
 
@@ -170,8 +184,8 @@ def special_points_of(
     lows, highs = (held.array(f"special_{end}", ("special", "quantity"), finite=False) for end in ("low", "high"))
     faults = held.array("special_faults", special, int, least=0, most=MOST_FAULTS)
     freed = held.array("special_freed", special, finite=False) if "special_freed" in held.dataset else None
-    modes = [system.mode_names[forms[i].modes[0]] for i in number.tolist()]
-    saddles = _saddles_of(held, system, parameters, varied, modes)
+    events = [of if type_ == "BC" else "" for type_, of in zip(text["type"], text["of"], strict=True)]
+    saddles = _saddles_of(held, system, parameters, varied, [forms[i].modes[0] for i in number.tolist()], events)
     specials = []
     for i, block in enumerate(blocks):
         own = dict(zip(varied, values[i].tolist(), strict=True))

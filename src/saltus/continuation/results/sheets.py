@@ -206,6 +206,7 @@ def _end(branch: Branch, points: tuple[int, ...], *, upper: bool) -> SpecialPoin
         point
         for point in branch.special_points
         if point.type in MOVING
+        and point.homoclinic is None
         and abs(point.position - last) <= 1.0
         and sign * (point.value(branch.parameter) - value) >= 0.0
         and not (len(points) > 1 and _is_between(point, points))

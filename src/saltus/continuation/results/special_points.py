@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, overload
 
@@ -65,7 +65,8 @@ class SpecialPoint(Generic[Solved]):
         - BP, FF: the determinant, over its size nearby.
         - GR: the normal velocity, the duration, or the distance from the surface.
         - HB: the amplitude of the last cycle; of equilibria the product of the sums of two eigenvalues.
-        - HOM: the parameter's last change while it was located.
+        - HOM: the parameter's last change while it was located. At a BC where an equilibrium meets an event, the
+          largest last change of an unknown.
         - SNIC: the parameter's distance from the last cycle.
         - BE: of equilibria the event function, over its size; of map orbits that of a GR.
         - BT, GH, ZH, HH: what docs/theory/equilibria.md, "Loci", lists.
@@ -80,8 +81,8 @@ class SpecialPoint(Generic[Solved]):
     varied : tuple of str
         The parameters that vary along the curve.
     of : str
-        Of a TP the parameter that turns, of an EX the quantity. Where a GR locus meets another, the side of the
-        grazing (``smaller`` or ``larger`` signature).
+        Of a TP the parameter that turns, of an EX the quantity, of a BC the event that an equilibrium meets. Where a
+        GR locus meets another, the side of the grazing (``smaller`` or ``larger`` signature).
     locus : str
         The type of the locus that the point belongs to; empty on a branch.
     tangent : ndarray, shape (unknowns + 1,), or None
@@ -91,7 +92,8 @@ class SpecialPoint(Generic[Solved]):
     scale : ndarray, shape (unknowns,), or None
         Typical sizes of the unknowns on a curve of equilibria or of orbits of a map; None on one of orbits.
     homoclinic : Homoclinic or None
-        At a HOM its saddle with the leading eigenvalues, at a SNIC its saddle-node. The solution is the longest cycle.
+        At a HOM its saddle with the leading eigenvalues, at a SNIC its saddle-node. At a BC the equilibrium that meets
+        an event, where the period grows without bound. The solution is the longest cycle.
     """
 
     type: str
@@ -124,7 +126,7 @@ class SpecialPoint(Generic[Solved]):
 
     @property
     def equilibrium(self) -> Equilibrium:
-        """The equilibrium at the point of a curve of equilibria, or the equilibrium of a HOM or SNIC."""
+        """The equilibrium at the point of a curve of equilibria, or that of a HOM, a SNIC, or a BC of a cycle."""
         if self.homoclinic is not None:
             return self.homoclinic.saddle
         return checks.instance(f"solution of {self.label}", self.solution, Equilibrium, "use .orbit or .map_orbit")
@@ -136,8 +138,16 @@ class SpecialPoint(Generic[Solved]):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """All parameters at the point; at a HOM or SNIC those of its equilibrium."""
+        """All parameters at the point; at a HOM, SNIC or BC with an equilibrium those of the latter."""
         return self.solution.parameters if self.homoclinic is None else self.homoclinic.saddle.parameters
+
+    @property
+    def itself(self) -> SpecialPoint[Any]:
+        """The point; at a BC where an equilibrium meets an event of a cycle, the boundary equilibrium BE."""
+        if self.type != "BC" or self.homoclinic is None:
+            return self
+        point: SpecialPoint[Any] = self
+        return replace(point, type="BE", solution=self.homoclinic.saddle, of="", tangent=None, homoclinic=None)
 
     def value(self, name: str) -> float:
         """Return a parameter at the point, or the quantity along which the branch goes.
@@ -226,6 +236,8 @@ class SpecialPoint(Generic[Solved]):
         """
         import xarray as xr
 
+        if self.itself is not self:
+            return self.itself.sensitivity(parameters)
         system, along = self.solution.system, self.varied[0]
         if len(self.varied) > 1 or along not in system.parameters:
             raise InputError(

@@ -269,8 +269,10 @@ class OrbitRun(OneParameterRun):
         """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""
         reason = self.ends_unbounded(half, grown)
         piece, point = half.points[-1]
-        if piece.problem.system.phase is None and (met := meeting_ahead(piece, point, self.scale)):
-            reason = f"{grown}: {met}"
+        if piece.problem.system.phase is None and (met := meeting_ahead(piece, point)) is not None:
+            reason = f"{grown}: {met.told}"
+            orbit, after = self.orbit_of(piece, point), len(half.points) - 1
+            half.specials.append(Found("BC", orbit, met.error, after, point.arc, met.end.event, homoclinic=met.end))
         return f"{self.place(half.points[-1][1])}: {reason}"
 
     def ends_unbounded(self, half: OneSide, grown: str) -> str:

@@ -15,6 +15,7 @@ from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 
 LEVEL = 1e-8  # share of an event function's variation within which a segment is as a whole equally far from its surface
 ZERO = 1e-13  # share of an event function's variation below which it is rounding
+TURNS = 1e-4  # share of its value nearby below which a condition is 0 at an extremum of the event function
 BRIEF = 1e-4  # share of the period below which a segment is too short to show such a distance
 
 
@@ -156,14 +157,26 @@ def _touch(view, curve, surface, way, j, room, found):
     fa, fm, fb = way * height[j - 1], way * height[j], way * height[j + 1]
     what = view.n + view.outputs + k
     place, least = lowest(view, curve, what, way * surface.sign, j, fa, fm, fb, room.x, room.out)
-    return _noted(view, surface, least, place, room, found)
+    beside = fine(curve, j - 1 if way > 0.0 else j + 1)
+    return _noted(view, curve, surface, least, place, beside, room, found)
 
 
 @njit(**INNER)
-def _noted(view, surface, least, place, room, found):
-    """Keep a least distance where the condition holds and none is less yet; return EARLY where it is beyond the surface."""
-    call(view.functions[GUARD], view.modes + surface.transition, 0, room.x, 0, view.p, room.one, 0)
-    if not room.one[0] > 0.0 or not least < found.margins[surface.at]:
+def _noted(view, curve, surface, least, place, beside, room, found):
+    """Keep a least distance where the condition holds and none is less yet; return EARLY where it is beyond the surface.
+
+    beside: a place on the side where the motion would meet the event. A condition on the velocity, as ``when="v"``, is 0
+    at an extremum, and what it is there tells nothing.
+    """
+    if not least < found.margins[surface.at]:
+        return 0
+    guard = view.modes + surface.transition
+    sample(view, curve, int64(0), 1.0, beside, room.x, room.out)
+    call(view.functions[GUARD], guard, 0, room.x, 0, view.p, room.one, 0)
+    aside = room.one[0]
+    sample(view, curve, int64(0), 1.0, place, room.x, room.out)
+    call(view.functions[GUARD], guard, 0, room.x, 0, view.p, room.one, 0)
+    if not (aside if abs(room.one[0]) < TURNS * abs(aside) else room.one[0]) > 0.0:
         return 0
     found.margins[surface.at], found.places[surface.at] = least, place
     return EARLY if least < -surface.small else 0
@@ -206,5 +219,6 @@ def _at_seam(view, curve, surface, seen, room, found):
         if not (seen if side == 0 else not seen and fm <= max(fa, fb) - fm):
             continue
         place, least = turning(view, curve, what, up * surface.sign, room.x, room.out)
-        bad |= _noted(view, surface, least, place, room, found)
+        beside = fine(curve, total - 1 if side == 0 else 1)
+        bad |= _noted(view, curve, surface, least, place, beside, room, found)
     return bad

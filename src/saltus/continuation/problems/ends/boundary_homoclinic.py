@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.continuation.problems.ends.connection import Homoclinic
+from saltus.equilibria import Equilibrium
 from saltus.equilibria.problem import EquilibriumProblem
 
 if TYPE_CHECKING:
@@ -15,15 +18,24 @@ if TYPE_CHECKING:
     from saltus.continuation.problems.orbit import OrbitZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["meeting_ahead"]
+__all__ = ["Meeting", "meeting_ahead"]
 
 _ITERATIONS = 20  # Newton steps, at most
 _CONVERGED = 1e-12  # largest Newton step, over the unknowns' sizes, of a meeting
 _AWAY = 0.1  # distance of the equilibrium from the segment's end, in sizes of the states, and of the parameter
 
 
-def meeting_ahead(branch: OrbitZeroProblem, point: Point, scale: float) -> str:
-    """Return where an equilibrium meets an event of a cycle, in words; empty where none does so nearby.
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """An equilibrium of a mode on the event that ends a segment of a cycle in this mode."""
+
+    end: Homoclinic  # the equilibrium
+    error: float  # last change of the unknowns, over their sizes
+    told: str  # the meeting, in words
+
+
+def meeting_ahead(branch: OrbitZeroProblem, point: Point) -> Meeting | None:
+    """Return where an equilibrium meets an event of a cycle; None where none does so nearby.
 
     Parameters
     ----------
@@ -31,8 +43,6 @@ def meeting_ahead(branch: OrbitZeroProblem, point: Point, scale: float) -> str:
         The equations, of an autonomous system.
     point : Point
         The last cycle of a branch.
-    scale : float
-        Unit of the parameter.
     """
     problem = branch.problem
     system, n = problem.system, problem.n
@@ -44,15 +54,16 @@ def meeting_ahead(branch: OrbitZeroProblem, point: Point, scale: float) -> str:
             continue
         found = _meeting(problem, point, i, transition)
         if found is not None:
-            mode = system.mode_names[problem.signature.modes[i]]
-            name = system.parameter_names[problem.active[0]]
-            event = system.transitions[transition].name
-            return f"the equilibrium of mode {mode!r} meets the event {event!r} at {name} = {found * scale:.9g}"
-    return ""
+            rest, error = found
+            name, event = system.parameter_names[problem.active[0]], system.transitions[transition].name
+            where = f"{name} = {rest.parameters[name]:.9g}"
+            told = f"the equilibrium of mode {rest.mode!r} meets the event {event!r} at {where}"
+            return Meeting(Homoclinic(rest, event), error, told)
+    return None
 
 
-def _meeting(problem: OrbitProblem, point: Point, segment: int, transition: int) -> float | None:
-    """Return the parameter, in its unit, at which an equilibrium lies on the event; None where there is none."""
+def _meeting(problem: OrbitProblem, point: Point, segment: int, transition: int) -> tuple[Equilibrium, float] | None:
+    """Return the equilibrium on the event and the last change of the unknowns; None where there is none."""
     n, ends = problem.n, problem.state_on(segment, 1.0)
     rest = EquilibriumProblem(
         problem.system, problem.signature.modes[segment], problem.parameters_at(point.u), problem.active, problem.scales
@@ -70,7 +81,7 @@ def _meeting(problem: OrbitProblem, point: Point, segment: int, transition: int)
         except np.linalg.LinAlgError:
             return None
         u = u + step
-        if np.max(np.abs(step) / sizes) < _CONVERGED:
+        if (error := float(np.max(np.abs(step) / sizes))) < _CONVERGED:
             away = np.max(np.abs(u - np.append(ends, point.u[-1])) / sizes)
-            return float(u[n]) if away < _AWAY else None
+            return (Equilibrium.from_unknowns(rest, u, sizes[:n]), error) if away < _AWAY else None
     return None

@@ -19,15 +19,21 @@ __all__ = ["Homoclinic"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Homoclinic:
-    """The equilibrium of a homoclinic orbit, or of a saddle-node on an invariant circle.
+    """The equilibrium at which the period of cycles grows without bound.
+
+    At a HOM it is the saddle of a homoclinic orbit, at a SNIC the saddle-node. At a BC it lies on an event of the
+    cycle.
 
     Attributes
     ----------
     saddle : Equilibrium
         The equilibrium that the orbit leaves and comes back to, at the parameters of the homoclinic orbit.
+    event : str
+        Name of the transition on whose event the equilibrium lies, at a BC; empty elsewhere.
     """
 
     saddle: Equilibrium
+    event: str = ""
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -70,6 +76,8 @@ class Homoclinic:
         )
 
     def __repr__(self) -> str:
+        if self.event:
+            return f"equilibrium on the event {self.event!r}, at\n{self.saddle!r}"
         if math.isnan(self.saddle_quantity):
             return f"saddle-node on an invariant circle, at\n{self.saddle!r}"
         kind = "saddle-focus" if self.saddle_focus else "saddle"
