@@ -7,6 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
+import saltus
 import systems
 from saltus import Average, HybridSystem, Mode, Transition, find_orbit, lyapunov_spectrum, run_sweep, simulate
 from saltus.ensemble.ensemble import Ensemble
@@ -23,7 +24,7 @@ def block():
     return HybridSystem(("x", "v"), parameters, {"m": Mode(field)}, phase=("theta", "w"), name="block")
 
 
-HELD = r"^sticking: the field of mode 'm' jumps at v = 0 and holds the motion there from t = .*; give each side a mode"
+HELD = r"^sticking: the field of mode 'm' jumps at v = 0 and holds the motion there from t = .*; define it as saltus"
 
 
 def test_a_block_that_friction_holds_is_told_with_the_place(block):
@@ -68,9 +69,34 @@ def test_a_motion_that_passes_a_jump_is_not_held(block):
         ("orbit", find_orbit),
         ("growth", lambda *args: lyapunov_spectrum(*args, average=Average(periods=10))),
     ]:
-        with pytest.raises(DefinitionError, match="jumps at v = 0: give each side a mode") as error:
+        with pytest.raises(DefinitionError, match=r"jumps at v = 0: define it as saltus.filippov\(") as error:
             call(block, {"A": 2.0}, [1.0, 0.1])
         assert "field of mode 'm'" in str(error.value), event
+
+
+def test_the_lines_offered_are_a_system_that_slides_with_all_that_was_defined():
+    pendulum = HybridSystem(
+        ("x", "v"), {"F": 0.4}, {"m": Mode({"x": "v", "v": "-0.1*sin(x) - F*sign(v)"})}, angles=("x",),
+        outputs={"E": "v**2"}, positive=("F",), groups={"friction": ["F"]}, parameter_bounds={"F": (0.0, 1.0)},
+        name="pendulum",
+    )  # fmt: skip
+    with pytest.raises(StickingError) as held:
+        simulate(pendulum, {}, [1.0, 0.5], t_end=20.0)
+    system = eval(str(held.value).split("define it as ")[1], {"saltus": saltus})
+    assert (system.angles, system.output_names, system.positive) == (("x",), ("E",), ("F",))
+    assert (system.groups, system.parameter_bounds, system.name) == (
+        {"friction": ("F",)}, {"F": (0.0, 1.0)}, "pendulum",
+    )  # fmt: skip
+    assert simulate(system, {}, [1.0, 0.5], t_end=20.0).mode_end == "sliding"
+
+
+def test_in_a_system_of_several_modes_each_side_is_to_be_a_mode():
+    field = {"x": "v", "v": "-x - 0.3*sign(v)"}
+    system = HybridSystem(
+        ("x", "v"), {}, {"m": Mode(field), "far": Mode(field)}, [Transition("m", "far", "x - 9", 1)]
+    )  # fmt: skip
+    with pytest.raises(StickingError, match="give each side a mode, and the surface one"):
+        simulate(system, {}, [1.0, 0.0], t_end=20.0)
 
 
 def test_a_kink_is_no_jump(block):

@@ -167,3 +167,74 @@ def test_a_file_keeps_what_was_made_for_the_rest(tmp_path):
     motion = saltus.simulate(ball(), {}, [1.0, 0.0], t_end=5.0)
     motion.save(tmp_path / "motion.nc")
     assert saltus.load(tmp_path / "motion.nc").system == ball()
+
+
+@pytest.mark.parametrize("rest_time", [None, 0.01])
+def test_a_rest_that_lacks_the_velocity_sums_up_the_same_impacts(rest_time):
+    def moving(states, field):
+        resets = {} if states is None else {"v": "-a*w*sin(theta)"}
+        return saltus.HybridSystem(
+            ("z", "v"), {"a": 0.3, "e": 0.5, "g": 1.0, "w": 1.0},
+            {
+                "flight": Mode({"z": "v", "v": "-g"}),
+                "rest": Mode({"z": "-a*w*sin(theta)", **field}, surface="z - a*cos(theta)", states=states),
+            },
+            [
+                Transition(
+                    "flight", "flight", "z - a*cos(theta)", -1, {"v": "-e*v - (1 + e)*a*w*sin(theta)"},
+                    name="impact", rests="rest", rest_time=rest_time,
+                ),
+                Transition("rest", "flight", "a*w**2*cos(theta) - g", 1, resets),
+            ],
+            phase=("theta", "w"), name="table",
+        )  # fmt: skip
+
+    with_velocity = moving(None, {"v": "-a*w**2*cos(theta)"})
+    ends = [
+        saltus.simulate(system, {}, [1.0, 0.0], t_end=20.0)
+        for system in (with_velocity, moving(("z",), {}))
+    ]  # fmt: skip
+    assert [motion.mode_end for motion in ends] == ["rest", "rest"]
+    rested = [motion.events["time"][motion.events["mode_after"] == "rest"][0] for motion in ends]
+    assert rested[1] == pytest.approx(rested[0], abs=1e-11)
+    assert ends[1].x_end[0] == pytest.approx(0.3 * math.cos(20.0), abs=1e-9)
+
+
+def test_impacts_with_a_condition_come_to_rest_where_it_holds():
+    hole = saltus.HybridSystem(
+        ("x", "z", "v"), {"g": 1.0, "e": 0.5},
+        {"flight": Mode({"x": "0", "z": "v", "v": "-g"}), "rest": Mode({"x": "0", "z": "0", "v": "0"}, surface="z")},
+        [Transition("flight", "flight", "z", -1, {"v": "-e*v"}, when="x", name="impact", rests="rest")],
+    )  # fmt: skip
+    for height in (1e-14, 1e-12, 1e-3):
+        assert saltus.simulate(hole, {}, [-1.0, height, 0.0], t_end=2.0).mode_end == "flight"
+        assert saltus.simulate(hole, {}, [1.0, height, 0.0], t_end=2.0).mode_end == "rest"
+
+
+@pytest.mark.parametrize("e", ["e", "0.5"])
+@pytest.mark.parametrize(
+    ("reset", "pull", "works"),
+    [("w + 1", "-g", False), ("-w", "-g - w/9", False), ("w + 1e4*v", "-g", True), ("w", "-g - sign(v)/9", False)],
+)
+def test_what_an_impact_changes_without_velocity_is_told_whatever_is_a_parameter(e, reset, pull, works):
+    def ball():
+        return saltus.HybridSystem(
+            ("z", "v", "w"), {"g": 1.0, "e": 0.5},
+            {"flight": Mode({"z": "v", "v": pull, "w": "0"}), "rest": Mode(dict.fromkeys("zvw", "0"), surface="z")},
+            [Transition("flight", "flight", "z", -1, {"v": f"-{e}*v", "w": reset}, name="impact", rests="rest")],
+        )  # fmt: skip
+
+    if works:
+        assert saltus.simulate(ball(), {}, [1.0, 0.0, 0.0], t_end=9.0).mode_end == "rest"
+        return
+    with pytest.raises(DefinitionError, match="the flights are not alike then"):
+        ball()
+
+
+def test_a_rest_needs_a_pull():
+    with pytest.raises(DefinitionError, match="a force that pulls to the surface"):
+        saltus.HybridSystem(
+            ("z", "v"), {"e": 0.5},
+            {"flight": Mode({"z": "v", "v": "0"}), "rest": Mode({"z": "0", "v": "0"}, surface="z")},
+            [Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact", rests="rest")],
+        )  # fmt: skip

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus.errors import DefinitionError, InputError
+from saltus.errors import DefinitionError, DivergenceError, InputError
 from sliding import belt, harvested, planar
 
 UP, DOWN = {"x": "1", "y": "-1"}, {"x": "1", "y": "1"}
@@ -110,3 +110,97 @@ def test_a_file_keeps_the_surface_of_a_mode(tmp_path):
     again = saltus.load(tmp_path / "motion.nc").system
     assert again == motion.system
     assert again.modes["sliding"].surface == motion.system.modes["sliding"].surface
+
+
+@pytest.mark.parametrize("c", [1.0, 2.0])
+@pytest.mark.parametrize(("up", "down"), [("k*x", "-c*x"), ("k*(x**2 - 0.5)*(x + 2)", "-c*(x**2 - 0.5)")])
+def test_a_motion_that_slides_to_a_two_fold_ends_there(up, down, c):
+    system = saltus.filippov(
+        ("x", "y"), {"c": c, "k": 0.7}, surface="y", above={"x": "1", "y": up}, below={"x": "1", "y": down}
+    )
+    for start in (-0.55, -0.5, -0.45):
+        with pytest.raises(DivergenceError, match="it comes to a two-fold, where motions leave the surface y = 0"):
+            saltus.simulate(system, {}, [start, 0.05], t_end=3.0)
+
+
+@pytest.mark.parametrize("start", [[0.0, 0.0], [1.0, 0.0]])
+def test_a_start_where_both_fields_lead_away_is_refused_whatever_the_fields_depend_on(start):
+    system = saltus.filippov(("x", "y"), {}, surface="y", above={"x": "1", "y": "x"}, below={"x": "1", "y": "-x"})
+    with pytest.raises(InputError, match="a start with one motion from it"):
+        saltus.simulate(system, {}, start, t_end=1.0)
+    with pytest.raises(InputError, match="in the domain of mode 'sliding'"):
+        saltus.simulate(system, {}, start, mode="sliding", t_end=1.0)
+
+
+def test_an_equilibrium_where_both_fields_lead_away_is_virtual():
+    system = saltus.filippov(
+        ("x", "y"), {"m": 0.3}, surface="y", above={"x": "m - x", "y": "x + 1"}, below={"x": "m - x", "y": "-1 - x"}
+    )
+    found = saltus.find_equilibrium(system, {}, [0.2, 0.0], mode="sliding")
+    assert not found.regular
+    assert saltus.find_equilibrium(system, {"m": -1.3}, [-1.2, 0.0], mode="sliding").regular
+
+
+def test_rates_that_do_not_vary_bound_the_parameters_at_which_motions_slide():
+    system = saltus.filippov(
+        ("x", "y"), {"F": -1.0}, surface="y", above={"x": "-x", "y": "F"}, below={"x": "-x", "y": "1"}
+    )
+    branch = saltus.continue_equilibrium(
+        saltus.find_equilibrium(system, {}, [0.2, 0.0], mode="sliding"), "F", (-2.0, 1.0)
+    )
+    assert branch.stopped[1] == "F = 0: the domain of mode sliding ends"
+    assert branch.values.max() < 1e-9
+    motion = saltus.simulate(system, {"F": 0.5}, [1.0, -0.5], t_end=3.0)
+    assert motion.mode_end == "above"
+
+
+@pytest.mark.parametrize("below", ["0", "c"])
+def test_a_field_along_the_surface_slides_too(below):
+    system = saltus.filippov(
+        ("x", "y"), {"c": 0.0}, surface="y", above={"x": "1", "y": "-1"}, below={"x": "1", "y": below}
+    )
+    motion = saltus.simulate(system, {}, [0.0, 1.0], t_end=3.0)
+    assert motion.mode_end == "sliding"
+    np.testing.assert_allclose(motion.x_end, [3.0, 0.0], atol=1e-12)
+
+
+def test_a_start_off_the_surface_lies_on_its_side_where_the_other_field_does_not_cross_it():
+    ends = []
+    for x in (1.5, 1.5 - 1e-9, 1.5 + 1e-9):  # at 1.5 the rate along the field below is exactly 0
+        motion = saltus.simulate(belt(), {"F": 0.5}, [x, 0.0], t_end=2.0)
+        assert motion.mode_at(0.0) == "below"
+        ends.append(motion.x_end)
+    np.testing.assert_allclose(ends, np.broadcast_to(ends[0], (3, 3)), atol=1e-7)
+
+
+def test_a_region_without_a_field_is_entered_by_no_motion():
+    system = saltus.filippov(
+        ("x", "y"), {}, surfaces=("x", "y"), fields={"++": {"x": "-1", "y": "-1"}, "-+": {"x": "1", "y": "-1"}}
+    )
+    with pytest.raises(DivergenceError, match="in mode 'no field there', .* no motion goes on in this mode"):
+        saltus.simulate(system, {}, [2.0, 1.0], t_end=1.5)
+    with pytest.raises(InputError, match="before its events"):
+        saltus.simulate(system, {}, [1.0, -1.0], t_end=1.5)
+
+
+def test_a_pull_away_from_the_surface_is_refused():
+    with pytest.raises(DefinitionError, match="0 or more, and it is -1"):
+        saltus.filippov(
+            ("x", "y"), {"k": -1.0}, surface="y", above={"x": "1", "y": "-1"}, below={"x": "1", "y": "1"}, pull="k"
+        )
+
+
+def test_two_oblique_surfaces_with_long_fields_are_defined_in_seconds():
+    def rate(a, own, b, other, c):
+        return f"{a} - 0.3*{own} + ({b})*{other} + ({c})*cos(theta)"
+
+    numbers = {"++": (-0.61, 0.3, -0.9, 0.2, 0.71, 0.33), "+-": (-0.1, 0.13, -0.29, 0.52, 0.11, 0.63),
+               "-+": (0.61, 0.23, 0.59, -0.2, 0.17, 0.83), "--": (0.16, 0.63, -0.49, 0.42, 0.21, 0.93)}  # fmt: skip
+    fields = {
+        word: {"x": rate(n[0], "x", n[1], "y", n[2]), "y": rate(n[3], "y", n[4], "x", n[5])}
+        for word, n in numbers.items()
+    }
+    system = saltus.filippov(
+        ("x", "y"), {"w": 1.3}, surfaces=("x - 0.1*y", "y - 0.2"), fields=fields, phase=("theta", "w")
+    )
+    assert len(system.transitions) == 48

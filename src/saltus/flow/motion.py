@@ -12,7 +12,7 @@ from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
 from saltus.flow.sticking import sticking_surface
 from saltus.system.filippov import lines_of
-from saltus.system.parts import at_phases
+from saltus.system.parts import NOWHERE, at_phases
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -121,7 +121,9 @@ class EventDrivenMotion:
         states = n - 1 if self.rate > 0.0 else n
         counts = n, states, len(system.modes), len(system.transitions)
         return (
-            kernels.System(self.addresses, self.transitions, _clocks(system), self.p, self.rate, *counts),
+            kernels.System(
+                self.addresses, self.transitions, _clocks(system), _opposites(system), self.p, self.rate, *counts
+            ),
             kernels.Tolerances(self.rtol, self.atol),
             kernels.State(
                 self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
@@ -287,11 +289,17 @@ class EventDrivenMotion:
             return self._sticking(surface)
         if status == kernels.EVENT_NOT_FINITE:
             return DivergenceError(t, self.x, mode, self._infinite_event() or "an event function is not finite")
-        step = self.numbers[kernels.STEP]
+        step, left = self.numbers[kernels.STEP], self.system.modes[mode]
+        if status == kernels.LEFT_DOMAIN and left.surface is not None:
+            where = f"where motions leave the surface {left.surface} = 0 to either side: there is no single way on"
+            return DivergenceError(t, self.x, mode, f"it comes to a two-fold, {where}")
+        nowhere = "no motion goes on in this mode"
         reason = {
             kernels.UNBOUNDED: f"a state passes {kernels.BOUND:g}",
             kernels.STEP_UNDERFLOW: f"the step falls to {step:.3g}, as it does before a singularity",
-            kernels.LEFT_DOMAIN: f"it leaves the domain of the mode, {self.system.modes[mode].domain} > 0",
+            kernels.LEFT_DOMAIN: nowhere
+            if left.domain == NOWHERE
+            else f"it leaves the domain of the mode, {left.domain} > 0",
             kernels.FIELD_NOT_FINITE: "the vector field is not finite",
             kernels.RESET_NOT_FINITE: "a reset is not finite",
         }[status]
@@ -304,6 +312,17 @@ def _clocks(system: HybridSystem) -> NDArray[np.int64]:
     return np.array(
         [texts.index(t.event) if at_phases(system, t) else -1 for t in system.transitions], dtype=np.int64
     )  # fmt: skip
+
+
+def _opposites(system: HybridSystem) -> NDArray[np.int64]:
+    """Return for a way out of a mode that slides the way out to the other side; -1 for other transitions."""
+    found = np.full(len(system.transitions), -1)
+    surfaces = {mode.surface for mode in system.modes.values() if mode.surface is not None}
+    for name, mode in system.modes.items():
+        ways = [k for k, t in enumerate(system.transitions) if t.source == name and t.event not in surfaces]
+        if mode.surface is not None and len(ways) == 2:
+            found[ways] = ways[::-1]
+    return found
 
 
 def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:

@@ -22,8 +22,8 @@ __all__ = ["with_rests"]
 _SLOWLY = 10.0  # times that the pull towards the surface may not change by itself within the time left
 _MOMENT = 1e-3  # time behind the end of a rest at which a motion goes on, over the time left to a sequence
 _PLACES = 3  # places at which it is seen whether an impact changes the pull
-_SLOW = 1e-9  # rate of the event there
-_ALIKE = 1e-6  # change of the pull, over its size, that is none
+_SPEEDS = (1e-6, 1e-3)  # rates of the event there, over an ordinary one
+_ALIKE = 1e-12  # change by an impact that is rounding
 _SHARE_OF_SIDES = 1e-6  # the same as the next one, for impacts that lead from side to side
 _SHARE = 1e-5  # time left in which a sequence of impacts is summed up, over the period of the phase
 
@@ -46,8 +46,9 @@ def with_rests(
     Raises
     ------
     DefinitionError
-        The resting mode is unknown; the event counts in either direction, or leads to another mode; its reset turns no
-        velocity back.
+        The resting mode is unknown; the event counts in either direction, or leads to a mode without a way back; its
+        reset turns no velocity back; nothing pulls to the surface; an impact without velocity changes a state or the
+        pull.
     """
     made, leaving = dict(modes), []
     listed: list[Transition] = []
@@ -110,6 +111,7 @@ class _Settling:
         self.domain = modes[transition.source].domain if transition.target == transition.source else None
         self.modes = modes
         self._prepare()
+        self._complete_rest(set(states) - set(modes[rests].states or states))
 
     def read(self, text: str) -> sympy.Expr:
         return parse(text, self.names, self.where)
@@ -150,22 +152,44 @@ class _Settling:
             left = self.share if self.phase is None else f"{self.share * 2.0 * math.pi!r}/({self.phase[1]})"
         self.left = self.read(text_of(left, self.where, self.names))
 
-    def _check_pull(self) -> None:
-        """Raise `DefinitionError` where an impact without velocity changes the pull: flights are not alike then."""
+    def _complete_rest(self, lacking: set[str]) -> None:
+        """Give states that the resting mode lacks a rate for the time of settling.
+
+        The velocity of the impacts moves as the surface does, so that the event's rate stays 0; other states move as in
+        flight.
+        """
         import sympy
 
-        symbols = sorted(self.pull.free_symbols | self.rate.free_symbols | set(self.x.values()), key=str)
+        turned = dict.fromkeys(lacking & set(self.turn), sympy.S.Zero)
+        self.resting |= {name: self.field[name] for name in lacking} | turned
+        drift = self.along(self.rate, self.resting)
+        self.resting |= {name: -self.turn[name] * drift for name in turned}
+
+    def _check_pull(self) -> None:
+        """Raise `DefinitionError` where an impact without velocity changes state or pull: flights are not alike then.
+
+        What an impact changes must vanish with its velocity.
+        """
+        import sympy
+
+        if self.pull == 0:
+            wanted = "left out, or a force that pulls to the surface"
+            raise DefinitionError(self.where, self.t.rests, wanted, "the velocity of the event does not change")
+        # changes of the pull, over its size; of a state, as of a sign that changes with each impact
+        changes = [(self.after(self.pull) - self.pull) / self.pull, *(p * self.rate for p in self.turn.values())]
+        used = [self.pull, self.rate, *changes, *self.x.values()]
+        symbols = sorted(set().union(*(part.free_symbols for part in used)), key=str)
+        own = next(symbol for symbol in self.reset if self.rate.has(symbol))
         for k in range(_PLACES):
             place = {symbol: 0.3 + 0.57 * ((7 * i + 3 * k) % 11) / 11 for i, symbol in enumerate(symbols)}
-            own = next(symbol for symbol in self.reset if self.rate.has(symbol))
-            slope = sympy.diff(self.rate, own).subs(place)
-            place[own] += (_SLOW - self.rate.subs(place)) / slope
-            changes = [(self.after(self.pull) - self.pull).subs(place) / self.pull.subs(place)]
-            # a state that jumps without velocity, as a sign that changes with each impact
-            changes += [part.subs(place) * _SLOW for part in self.turn.values()]
-            if any(change.is_number and abs(change) > _ALIKE for change in changes):
-                wanted = "a reset that changes no state and no pull of a motion without velocity"
-                raise DefinitionError(self.where, dict(self.t.reset), wanted, "the flights are not alike then")
+            start, rate, slope = place[own], self.rate.subs(place), sympy.diff(self.rate, own).subs(place)
+            for change in changes:
+                slower, slow = (
+                    abs(float(change.subs({**place, own: start + (speed * rate - rate) / slope}))) for speed in _SPEEDS
+                )
+                if slower > max(0.1 * slow, _ALIKE):
+                    wanted = "a reset that changes no state and no pull of a motion without velocity"
+                    raise DefinitionError(self.where, dict(self.t.reset), wanted, "the flights are not alike then")
 
     def mode(self) -> Mode:
         """Return the mode in which the velocity of the impacts dies away as their sequence does."""
@@ -187,7 +211,7 @@ class _Settling:
         t, sign = self.t, -self.t.direction
         changing = _SLOWLY * self.left * sympy.Abs(self.after(self.along(self.pull)))
         pressing = (-sign * self.after(self.pull) - changing) * (1 - self.after(self.restitution))
-        when = self.left * pressing - 2 * sign * self.after(self.rate)
+        when = self.asked(self.left * pressing - 2 * sign * self.after(self.rate))
         settling, rests = f"{t.name}_settling", str(t.rests)
         last = replace(
             t, target=settling, when=self.text(when), name=f"{t.name}_last", rests=None, rest_time=None, sums=True
@@ -196,6 +220,12 @@ class _Settling:
         if self.pull.free_symbols & self._varying():
             out.append(Transition(settling, t.source, self.text(self.pull), -t.direction))
         return [last, *out]
+
+    def asked(self, *conditions: sympy.Expr) -> sympy.Expr:
+        """Return a condition that holds where some hold, and that of the impact itself."""
+        import sympy
+
+        return sympy.Min(*conditions, *([] if self.t.when is None else [self.read(self.t.when)]))
 
     def leaving(self, transition: Transition) -> Transition:
         """Return a transition; one from the resting mode gets the velocity that a motion has a moment behind it.
@@ -264,11 +294,9 @@ class _Rocking(_Settling):
 
     def transitions(self) -> list[Transition]:
         """See `_Settling.transitions`."""
-        import sympy
-
         t, settling = self.t, f"{self.t.name}_settling"
         time = self.left * self.slowing - t.direction * self.rate
-        when = sympy.Min(*(self.after(part) for part in (*self.pulls, time)))
+        when = self.asked(*(self.after(part) for part in (*self.pulls, time)))
         last = replace(
             t, target=settling, when=self.text(when), name=f"{t.name}_last", rests=None, rest_time=None, sums=True
         )

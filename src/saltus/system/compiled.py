@@ -311,7 +311,7 @@ def with_constants(derive: Any, p: NDArray[np.float64], n_constants: int) -> NDA
 
 
 # Modules from which the text of the flow, and that of Taylor series and linear parts, comes.
-_TEXT = ("derivatives", "expansion", "expressions", "grammar", "printer", "regularise", "writer")
+_TEXT = ("choices", "derivatives", "expansion", "expressions", "grammar", "printer", "regularise", "writer")
 _FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "codegen"))
 SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "linear_split", "taylor"))  # besides its own writer
 
@@ -355,7 +355,7 @@ def _linear(symbolic: Symbolic) -> Writer:
 FLOW = Kind("flow", _flow, _FLOW_TEXT)
 SECOND_DERIVATIVES = Kind("second", _second, _FLOW_TEXT)
 THIRD_DERIVATIVES = Kind("third", _third, _FLOW_TEXT)
-_GRADIENT_TEXT = ("derivatives", "expressions", "grammar", "gradient_writer", "printer", "writer")
+_GRADIENT_TEXT = ("choices", "derivatives", "expressions", "grammar", "gradient_writer", "printer", "writer")
 GRADIENTS = Kind("gradients", _gradients, tuple(f"system.{name}" for name in _GRADIENT_TEXT))
 SERIES = Kind("series", _series, (*SERIES_TEXT, "system.series_writer"))
 LINEAR = Kind("linear", _linear, (*SERIES_TEXT, "system.series_writer"))

@@ -284,10 +284,14 @@ class _Builder:
     def call(self, name: str, arguments: list[sympy.Expr]) -> sympy.Expr:
         import sympy
 
+        from saltus.system.choices import CHOICES
+
         if name == "exp":  # SymPy writes exp(c*log(x)) as a power
             for term in sympy.Add.make_args(arguments[0]):
                 if term.has(sympy.log) and not term.is_number:
                     self.check_exponent(term.as_coeff_Mul()[0])
+        if name in CHOICES:
+            return CHOICES[name](*arguments)
         return getattr(sympy, FUNCTIONS[name])(*arguments)
 
     def real(self, expression: sympy.Expr, node: ast.expr) -> sympy.Expr:

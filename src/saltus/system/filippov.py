@@ -5,14 +5,23 @@ docs/theory/filippov.md derives the sliding field and the conditions of the tran
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import DefinitionError, nearest
 from saltus.system.expressions import Names, parse, text_of
 from saltus.system.hybrid import HybridSystem
-from saltus.system.parts import Mode, Transition, clean_phase, mapping_of, names_of, sequence_of
+from saltus.system.parts import (
+    NOWHERE,
+    Mode,
+    Transition,
+    clean_phase,
+    mapping_of,
+    names_of,
+    not_negative,
+    sequence_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -26,7 +35,7 @@ _BELOW = "-"
 _ON = "0"
 _NAMES = {_ABOVE: "above", _BELOW: "below", _ON: "sliding"}  # modes where there is one surface
 _NO_WAY = "no single way on"  # mode in which a motion ends where surfaces meet
-_NOWHERE = "-1"  # domain of a mode in which no motion goes on
+_NO_FIELD = "no field there"  # mode in which a motion ends that comes into a region without a field
 _LONG = 120  # operations of a quotient above which it is left as it is
 _MOST = 4  # surfaces: there are 2**4 fields then
 
@@ -122,11 +131,16 @@ def filippov(
     known = {word: reader.field(field, f"field {word!r}" if fields else _NAMES[word]) for word, field in rates.items()}
     if pull is None:
         pull = 1 if phase is None else phase[1]
-    parts = _Parts(reader, heights, known, reader.read(pull, "pull"))
-    return HybridSystem(
+    back = reader.read(pull, "pull")
+    parts = _Parts(reader, heights, known, back)
+    system = HybridSystem(
         listed, parameters, parts.modes(), parts.transitions(), phase=phase, outputs=outputs, groups=groups,
         positive=positive, parameter_bounds=parameter_bounds, let=let, angles=angles, name=name,
     )  # fmt: skip
+    values = {symbol: system.parameters[symbol.name] for symbol in back.free_symbols}
+    if (rate := back.subs(values)).is_negative:
+        raise DefinitionError("pull", str(pull), f"0 or more, and it is {rate:.6g}", "motions leave the surface by it")
+    return system
 
 
 def lines_of(system: HybridSystem, mode: int, surface: str) -> str:
@@ -153,10 +167,19 @@ def lines_of(system: HybridSystem, mode: int, surface: str) -> str:
         known = {sympy.sign(h): sign, sympy.Abs(h): sign * h}
         rates = {key: parse(text, names, "field").subs(known) for key, text in field.items()}
         sides.append({key: text_of(rate, "field", names) for key, rate in rates.items()})
-    phase = f", phase={system.phase!r}" if system.phase else ""
+    named = system.mode_names[mode]
+    outputs = {key: by_mode[named] for key, by_mode in system.outputs.items()}
+    kept: dict[str, Any] = {
+        "phase": system.phase,
+        "outputs": outputs,
+        "groups": dict(system.groups),
+        "positive": system.positive,
+    }
+    kept |= {"parameter_bounds": dict(system.parameter_bounds), "angles": system.angles, "name": system.name}
+    further = "".join(f", {key}={value!r}" for key, value in kept.items() if value)
     return (
         f"saltus.filippov({system.states!r}, {system.parameters!r}, surface={surface!r}, above={sides[0]!r}, "
-        f"below={sides[1]!r}{phase})"
+        f"below={sides[1]!r}{further})"
     )
 
 
@@ -246,6 +269,7 @@ class _Parts:
         if agreeing is not None and not self.sliding:
             raise agreeing
         self.fields = {**self.known, **self.sliding}
+        self._made = [way for way in self._all_ways() if self._varies(way[2]) and not way[4].is_nonpositive]
 
     def rates(self, word: str) -> tuple[sympy.Expr, sympy.Expr]:
         """Return the rates of a sliding mode's surface along the fields above and below it."""
@@ -284,6 +308,8 @@ class _Parts:
         """
         import sympy
 
+        from saltus.system.choices import Min
+
         i, along = word.index(_ON), self.reader.along
         side = 1 if word[j] == _ABOVE else -1
         beyond = _flipped(word, j)
@@ -301,9 +327,9 @@ class _Parts:
                 rise, fall = self.rates(other)
                 ways[other] = [-rise, fall, up * along(self.heights[i], self.sliding[other])]
         event, way = self.heights[j], -side
-        least = {target: sympy.Min(*conditions) for target, conditions in ways.items()}
+        least = {target: Min(*conditions) for target, conditions in ways.items()}
         made = [
-            (word, target, event, way, sympy.Min(value, *(-least[other] for other in ways if other != target)))
+            (word, target, event, way, Min(value, *(-least[other] for other in ways if other != target)))
             for target, value in least.items()
         ]
         return [*made, (word, _NO_WAY, event, way, sympy.S.One)]
@@ -316,42 +342,71 @@ class _Parts:
         made = {}
         for word, field in self.fields.items():
             surface = self.heights[word.index(_ON)] if _ON in word else None
-            domain = _NOWHERE if _ON in word and self._repels(word) else None
+            domain = self._domain(word) if _ON in word else None
             made[self.name(word)] = Mode(dict(zip(self.reader.states, field, strict=True)), domain, surface)
-        if len(self.heights) > 1:
-            made[_NO_WAY] = Mode(dict.fromkeys(self.reader.states, "0"), _NOWHERE)
+        for name in {_NO_WAY, _NO_FIELD} & {target for _, target, *_ in self._made}:
+            made[name] = Mode(dict.fromkeys(self.reader.states, "0"), NOWHERE)
         return made
 
-    def _repels(self, word: str) -> bool:
-        """Return whether no motion slides along a surface, whatever the state: a field leads away from it."""
+    def _domain(self, word: str) -> sympy.Expr | str | None:
+        """Return the domain of a sliding mode, positive where a motion slides or has passed an event of the mode.
+
+        Where fall - rise is not positive, both fields lead away from the surface, or one crosses it faster than the
+        other. A rate that does not vary has no event.
+        """
+        import sympy
+
+        from saltus.system.choices import Min
+
         rise, fall = self.rates(word)
-        return bool(rise.is_nonnegative or fall.is_nonpositive)
+        conditions = [sympy.expand(fall - rise)]
+        conditions += [self._not_negative(rate) for rate in (-rise, fall) if not self._varies(rate)]
+        if any(condition.is_nonpositive for condition in conditions):
+            return NOWHERE
+        unknown = [condition for condition in conditions if not condition.is_positive]
+        return Min(*unknown) if unknown else None
+
+    def _not_negative(self, rate: sympy.Expr) -> sympy.Expr:
+        """Return a condition that is positive where a rate is 0 or positive: a field along the surface slides, too."""
+        import sympy
+
+        if rate.is_negative or rate.is_nonnegative:
+            return sympy.S.Zero if rate.is_negative else sympy.S.One
+        return self.reader.read(not_negative(str(rate)), "rate")
+
+    def _varies(self, value: sympy.Expr) -> bool:
+        """Return whether an expression knows a state or the phase."""
+        return bool(value.free_symbols & {*self.reader.x, self.reader.theta})
 
     def transitions(self) -> list[Transition]:
         """Return the transitions: from regions into sliding and across, out of sliding, and where surfaces meet."""
-        made: list[tuple[str, str, sympy.Expr, int, sympy.Expr]] = []
+        return [
+            Transition(self.name(source), self.name(target), event, way, when=None if when.is_positive else when)
+            for source, target, event, way, when in self._made
+        ]
+
+    def _all_ways(self) -> Iterator[tuple[str, str, sympy.Expr, int, sympy.Expr]]:
+        """Go through sources, targets, events, directions and conditions of all transitions."""
+        import sympy
+
         for word in self.known:
             for i, sign in enumerate(word):
-                if (other := _flipped(word, i)) in self.known:
-                    h, way = self.heights[i], -1 if sign == _ABOVE else 1
-                    beyond = -way * self.reader.along(h, self.known[other])
-                    if (slides := _with(word, i, _ON)) in self.sliding:
-                        made.append((word, slides, h, way, beyond))
-                    made.append((word, other, h, way, -beyond))
+                h, way = self.heights[i], -1 if sign == _ABOVE else 1
+                if (other := _flipped(word, i)) not in self.known:
+                    yield word, _NO_FIELD, h, way, sympy.S.One
+                    continue
+                beyond = -way * self.reader.along(h, self.known[other])
+                if (slides := _with(word, i, _ON)) in self.sliding:
+                    yield word, slides, h, way, self._not_negative(beyond)
+                yield word, other, h, way, -beyond
         for word in self.sliding:
             i = word.index(_ON)
             rise, fall = self.rates(word)
-            made.append((word, _with(word, i, _ABOVE), rise, 1, fall))
-            made.append((word, _with(word, i, _BELOW), fall, -1, -rise))
+            yield word, _with(word, i, _ABOVE), rise, 1, fall
+            yield word, _with(word, i, _BELOW), fall, -1, -rise
             for j in range(len(word)):
                 if j != i:
-                    made += self._meeting(word, j)
-        varying = {*self.reader.x, self.reader.theta}
-        return [
-            Transition(self.name(source), self.name(target), event, way, when=None if when == 1 else when)
-            for source, target, event, way, when in made
-            if event.free_symbols & varying and not when.is_nonpositive
-        ]
+                    yield from self._meeting(word, j)
 
 
 def _short(expression: sympy.Expr) -> sympy.Expr:

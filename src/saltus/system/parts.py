@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, ParamSpec, Self, TypeVar
@@ -16,6 +17,7 @@ from saltus.system.expressions import NAME, Names, check_name, text_of
 from saltus.system.mechanics import Held, lagrangian_field, mass_matrix_field
 
 __all__ = [
+    "NOWHERE",
     "Mode",
     "Transition",
     "at_phases",
@@ -28,6 +30,7 @@ __all__ = [
     "listed",
     "mapping_of",
     "names_of",
+    "not_negative",
     "number_of",
     "sequence_of",
     "texts_of",
@@ -36,7 +39,8 @@ __all__ = [
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
-_NOTHING = 1e-300  # value of a condition up to which it is not positive, where there is an `otherwise`
+NOWHERE = "-1"  # domain of a mode in which no motion goes on
+_NOT_NEGATIVE = re.compile(r"Min\((?:1e\+300, (.*)|(.*), 1e\+300)\) \+ 1e-300")  # as `not_negative` writes it
 _DIRECTIONS = {-1: "falls", 0: "passes", 1: "rises"}
 
 
@@ -210,7 +214,8 @@ class Transition:
         ``name_last``: docs/theory/chatter.md.
     rest_time : expression of parameters, optional
         The time left to a sequence of impacts at which it is summed up; by default 1e-5 of the period of the phase, or
-        1e-5. The error is of the order of its cube, in units of the time in which the motion changes.
+        1e-5. The error is of the order of its cube, in units of the time in which the motion changes. For impacts that
+        lead from side to side the default is 1e-6, and the error of first order.
     sums : bool, optional
         Whether the transition sums up a sequence of impacts; set by a definition.
 
@@ -248,7 +253,8 @@ class Transition:
         happens = f"when {self.event} {passes} through 0" if self.at_phase is None else f"at phase {self.at_phase}"
         text = f"{self.source} -> {self.target} {happens}"
         if self.when is not None:
-            text += f" and {self.when} > 0"
+            closed = _NOT_NEGATIVE.fullmatch(str(self.when))
+            text += f" and {closed[1] or closed[2]} >= 0" if closed else f" and {self.when} > 0"
             text += f", otherwise -> {self.otherwise}" if self.otherwise is not None else ""
         return text + (listed(self.reset, ", {} := {}") if isinstance(self.reset, Mapping) else f", {self.reset!r}")
 
@@ -343,6 +349,14 @@ def clean_mode(
     return Mode(field_, domain, surface, None if mode.states is None else names_of(mode.states, where))
 
 
+def not_negative(value: str) -> str:
+    """Return a condition that is positive where a value is 0 or positive.
+
+    The bound keeps the terms of the value together, so that the small number is added last.
+    """
+    return f"Min({value}, 1e+300) + 1e-300"
+
+
 def clean_transitions(transition: Transition, names: Names, phase: str | None) -> list[Transition]:
     """Return a transition, and that of its `otherwise`, with events and expressions that are texts."""
     clean = _clean_transition(transition, names, phase)
@@ -353,9 +367,8 @@ def clean_transitions(transition: Transition, names: Names, phase: str | None) -
         raise DefinitionError(where, transition.otherwise, "left out without a condition: pass when=")
     named = transition.name != f"{transition.source}_to_{transition.target}"
     name = f"{clean.name}_otherwise" if named else f"{clean.source}_to_{transition.otherwise}"
-    # exactly 0 is otherwise, too
-    when = f"{_NOTHING} - ({clean.when})"
-    return [clean, replace(clean, target=transition.otherwise, when=when, name=name)]
+    when = not_negative(f"-({clean.when})")
+    return [clean, replace(clean, target=transition.otherwise, when=when, name=name, rests=None, rest_time=None)]
 
 
 def _at_phase(transition: Transition, names: Names, phase: str | None, where: str) -> tuple[Any, int]:

@@ -70,6 +70,7 @@ EVENT_X = FUNCTIONS.index("event_x")
 RESET = FUNCTIONS.index("reset")
 GUARD = FUNCTIONS.index("guard")
 HOP_RUN_MOST = 3  # hops in a row, each lower than rounding, from one event to itself: more are chattering
+TWICE = 1e-9  # event function, over its terms, up to which it is 0 where another one is
 SHORTEST = 1e-250  # shortest step, in the system's time; no step is below four roundings of the time either
 
 
@@ -259,6 +260,18 @@ def _wrap_first(system, state, mode, events, room):
 
 
 @njit(**INNER)
+def _at_two_fold(system, fired, room):
+    """Whether the other way out of a mode that slides opens at the same landing, to rounding."""
+    outlined()
+    other = system.opposites[fired]
+    if other < 0:
+        return False
+    event = room.event
+    call(system.addresses[EVENT_X], other, 0, room.landing, 0, system.p, event, 0)
+    return abs(event[0]) <= TWICE * size_of_terms(pointer(event, 2), system.n, room.landing_size)
+
+
+@njit(**INNER)
 def _happen(system, state, mode, fired, events, room):
     """Let the event landed on happen: the reset, the mode after it; a status."""
     outlined()
@@ -345,6 +358,8 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
         if stride.wraps:
             _wrap(system, state, mode, events, room)
         return DONE
+    if _at_two_fold(system, fired, room):
+        return LEFT_DOMAIN
     if steps.room > 0 and dt > 0.0:
         dense_output(system.addresses, mode, n, p, dt, state.x, room.landing, room.trial, room.y, dense)
         record_step(steps, state, n, dt, mode, dense)

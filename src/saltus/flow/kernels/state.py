@@ -83,6 +83,8 @@ class System(NamedTuple):
         Source, target, direction.
     clocks : ndarray of int64, shape (transition,)
         The first transition with the same event function of the phase alone; -1 for other events.
+    opposites : ndarray of int64, shape (transition,)
+        For a way out of a mode that slides along a surface the way out to the other side; -1 for other transitions.
     p : ndarray
         Parameters with the constants behind them.
     phase : float
@@ -94,6 +96,7 @@ class System(NamedTuple):
     addresses: Integers
     transitions: Integers
     clocks: Integers
+    opposites: Integers
     p: Floats
     phase: float
     n: int
@@ -226,8 +229,9 @@ class Crossings(NamedTuple):
 def system_pointers(system):
     """The record of a system with pointers."""
     return System(
-        pointer(system.addresses, 0), pointer(system.transitions, 0), pointer(system.clocks, 0), pointer(system.p, 0), system.phase, system.n,
-        system.n_states, system.n_modes, system.n_transitions,
+        pointer(system.addresses, 0), pointer(system.transitions, 0), pointer(system.clocks, 0),
+        pointer(system.opposites, 0), pointer(system.p, 0), system.phase, system.n, system.n_states, system.n_modes,
+        system.n_transitions,
     )  # fmt: skip
 
 
