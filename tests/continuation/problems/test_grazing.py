@@ -282,3 +282,21 @@ def test_a_touch_with_a_condition_on_the_speed_is_located():
     assert branch.stopped == ("w = 0.6: bound reached", "w = 1.4: bound reached")
     assert [point.label for point in branch.special_points] == ["SN1", "SN2", "GR1"]
     assert saltus.verify(branch).passed
+
+
+@pytest.mark.parametrize(("length", "rate"), [(1e3, 1e3), (1e6, 1.0), (1.0, 1e3), (1e-9, 1e6)])
+def test_sliding_bifurcations_are_the_same_in_all_units(length, rate):
+    pull = "W**2*(A*cos(theta) - x{}F)"
+    system = saltus.filippov(
+        ("x", "v"), {"F": 0.4 * length, "u": 0.3 * length * rate, "w": 0.6 * rate, "A": length, "W": rate},
+        surface="v - u", above={"x": "v", "v": pull.format("-")}, below={"x": "v", "v": pull.format("+")},
+        phase=("theta", "w"),
+    )  # fmt: skip
+    orbit = saltus.find_orbit(system, {}, [length, 0.0])
+    branch = saltus.continue_orbit(orbit, "w", (0.4385 * rate, 0.7 * rate))
+    assert all(reason.endswith("bound reached") for reason in branch.stopped)
+    found = {point.type: (point.parameters["w"] / rate, point.of) for point in branch.special_points}
+    assert {name: of for name, (_, of) in found.items()} == dict.fromkeys(("AS", "SS", "GS", "CS"), "")
+    expected = {"AS": ADDING, "SS": SWITCHING, "GS": GRAZING, "CS": CROSSING}
+    assert {name: w for name, (w, _) in found.items()} == pytest.approx(expected, rel=1e-10)
+    assert branch.admissible.all()

@@ -42,7 +42,9 @@ def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | st
         event = _located(problem, name, a, b, *changed[name])
         if event is not None:
             events.append(event)
-        elif b.arc - a.arc > CROWDED and not any(event.name in problem.singular for event in events):
+        elif _runs_out(name, *changed[name]) or (
+            b.arc - a.arc > CROWDED and not any(event.name in problem.singular for event in events)
+        ):
             return f"location: no zero of {name} between the step's ends"
         elif _happens(problem, name, a, b):  # located well or not
             events.append(_between(name, a, b, *changed[name]))
@@ -66,6 +68,11 @@ def _located(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb:
         if event is not None and abs(event.value) <= (max(_JUMP * least, _EXACT * largest) if wide else _JUMP * unit):
             return event
     return None
+
+
+def _runs_out(name: Any, old: float, value: float) -> bool:
+    """Return whether a duration runs out: no step, however short, goes on to orbits of negative durations."""
+    return isinstance(name, Monitor) and name.kind == "duration" and old > 0.0 > value
 
 
 def _happens(problem: ZeroProblem, name: Any, a: Point, b: Point) -> bool:

@@ -24,7 +24,7 @@ from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature, Survey
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["leaving", "seen_beyond", "summed_late", "switched", "turns_back", "without_rounding"]
+__all__ = ["leaving", "seen_beyond", "summed_late", "sums_up", "switched", "turns_back", "without_rounding"]
 
 Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
 Equations: TypeAlias = "Callable[[Signature, NDArray[np.float64]], OrbitZeroProblem]"
@@ -32,6 +32,8 @@ Equations: TypeAlias = "Callable[[Signature, NDArray[np.float64]], OrbitZeroProb
 _TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the grazing of another one
 # Shares of the parameter's interval at which an orbit beyond a point is sought.
 _PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+_LAST = 8  # points of a branch that tell which way its parameter goes
+_RESTS = 0.1  # way of the parameter over these points, over the longest, up to which it rests
 _ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
 # Survey of a point from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _NONE = np.empty(0)
@@ -155,11 +157,22 @@ def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
     return False
 
 
-def turns_back(points: Sequence[tuple[OrbitZeroProblem, Point]], beyond: Point) -> bool:
-    """Return whether the parameter goes back behind the last of some points: a non-smooth fold."""
-    if len(points) < 2:
+def sums_up(problem: OrbitProblem, name: Monitor) -> bool:
+    """Return whether a condition is that under which impacts are summed up, with which no motion changes."""
+    if name.kind != "condition":
         return False
-    onward = points[-1][1].parameter - points[-2][1].parameter
+    return problem.system.transitions[problem.signature.transitions[name.segment]].sums
+
+
+def turns_back(points: Sequence[tuple[OrbitZeroProblem, Point]], beyond: Point) -> bool:
+    """Return whether the parameter goes back behind the last of some points: a non-smooth fold.
+
+    Next to an AS the parameter comes to rest, and the order of the last points is rounding.
+    """
+    way = points[-1][1].parameter - np.array([point.parameter for _, point in points[-_LAST:-1]])
+    if not way.size or not np.any(way):
+        return False
+    onward = float(way[np.abs(way) > _RESTS * np.abs(way).max()][-1])
     return float(beyond.tangent[-1]) * onward < 0.0
 
 

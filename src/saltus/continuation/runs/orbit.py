@@ -30,7 +30,9 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
-from saltus.continuation.runs.beyond import leaving, seen_beyond, summed_late, switched, turns_back, without_rounding
+from saltus.continuation.runs.beyond import (
+    leaving, seen_beyond, summed_late, sums_up, switched, turns_back, without_rounding,
+)  # fmt: skip
 from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
@@ -219,6 +221,7 @@ class OrbitRun(OneParameterRun):
         fresh, event, beyond = ahead
         arc = half.points[-1][1].arc
         event.point.arc, beyond.arc = arc, arc + abs(beyond.arc - event.point.arc)
+        self._drop_shadows(half, fresh, event.point)
         half.specials.append(self.found("AS", fresh, event, half))
         half.points.append((fresh, event.point))
         if "AS" in self.stops:
@@ -313,18 +316,19 @@ class OrbitRun(OneParameterRun):
             half.specials.append(self.found("BE", branch, event, half))
             return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
         way = leaving(branch, event)
-        if self._sums(branch, way):
+        if sums_up(branch.problem, way):
             half.points.append((branch, point))
             again = seen_beyond(branch, point, self.equations, self._wide, ways=(1.0,), rounds=2)
             told = f"{self.place(point)}: the sum of the impacts that accumulate is no longer exact"
             return told if again is None else (*again, self._first_step)
         found = neighbour(branch.problem, way, point.u)
         name = type_of_change(branch.problem, way, point.u, found)
+        if name == "AS" and way.kind == "duration" and (added := self._excursion_ends(half)) is not None:
+            return added
         if self.control.at_grazing == "pass":
             half.specials.append(self.found(name, branch, event, half))
             return self.end_at(half, branch, point, name)
-        while half.specials and half.specials[-1].name == "SN" and self._same_place(half, branch, point, ("SN",)):
-            half.specials.pop()
+        self._drop_shadows(half, branch, point)
         half.specials.append(self.found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.equations(found.signature, found.u)
@@ -356,6 +360,11 @@ class OrbitRun(OneParameterRun):
         """The first step behind a change of signature."""
         return min(self.control.initial, 1e-3)
 
+    def _drop_shadows(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> None:
+        """Drop the folds that are shadows of a change of signature."""
+        while self._same_place(half, branch, point, ("SN",)):
+            half.specials.pop()
+
     def _same_place(self, half: OneSide, branch: OrbitZeroProblem, point: Point, names: Sequence[str]) -> bool:
         """Return whether a point is the last special point found, which is of given types.
 
@@ -367,14 +376,6 @@ class OrbitRun(OneParameterRun):
         apart = abs(last.solution.parameters[self.name] - point.parameter * self.scale)
         here = last.after >= len(half.points) - 2
         return here and apart < _SHADOW * self._wide * self.scale
-
-    @staticmethod
-    def _sums(branch: OrbitZeroProblem, name: Monitor) -> bool:
-        """Return whether a condition is that under which impacts are summed up, with which no motion changes."""
-        if name.kind != "condition":
-            return False
-        problem = branch.problem
-        return problem.system.transitions[problem.signature.transitions[name.segment]].sums
 
     def _is_point(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> bool:
         """Return whether the autonomous cycle of a point is an equilibrium, by the sizes of the branch's cycles."""
