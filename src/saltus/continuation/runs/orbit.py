@@ -31,7 +31,13 @@ from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs.beyond import (
-    leaving, seen_beyond, summed_late, sums_up, switched, turns_back, without_rounding,
+    leaving,
+    seen_beyond,
+    summed_late,
+    sums_up,
+    switched,
+    turns_back,
+    without_rounding,
 )  # fmt: skip
 from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
