@@ -42,6 +42,81 @@ def test_a_surface_that_is_passed_while_its_condition_fails_is_met_from_the_othe
     assert ensemble.left_over <= alone  # to the event-driven flow
 
 
+def oscillator(*transitions):
+    """Return an oscillator between modes that differ in stiffness."""
+    fields = {name: {"x": "v", "v": f"0.2 - {k}*x - c*v"} for name, k in (("soft", 1.0), ("stiff", 1.7), ("hard", 2.5))}
+    modes = {name: Mode(field) for name, field in fields.items()}
+    return saltus.HybridSystem(("x", "v"), {"c": 0.1}, modes, transitions, name="oscillator")
+
+
+@pytest.mark.parametrize(
+    "transitions",
+    [
+        pytest.param(
+            [
+                Transition("soft", "soft", "x - 0.3", 1, {"v": "-0.7*v"}, when="v - 0.8", name="bounce"),
+                Transition("soft", "stiff", "x - 0.3", 1, {"v": "0.9*v"}, when="0.4 - v", name="enter"),
+                Transition("stiff", "soft", "x + 0.1", -1),
+            ],
+            id="two conditions at one surface, both of which may fail",
+        ),
+        pytest.param(
+            [
+                Transition("soft", "soft", "x - 0.3", 1, when="x", name="counted"),
+                Transition("soft", "soft", "0.6 - 2*x", -1, {"v": "0.8*v"}, when="v - 0.2", name="slowed"),
+            ],
+            id="one event after the other at one surface",
+        ),
+        pytest.param(
+            [
+                Transition("soft", "stiff", "x - 0.3", 0, when="v*v - 0.1"),
+                Transition("stiff", "hard", "x - 0.3", -1, {"v": "0.9*v"}, when="-v - 0.6"),
+                Transition("stiff", "soft", "x - 0.3", -1, {"v": "0.5*v"}, when="-v"),
+                Transition("hard", "soft", "x + 0.2", -1),
+            ],
+            id="an event of the mode to which the one before leads",
+        ),
+        pytest.param(
+            [
+                Transition("soft", "soft", "x", 1, {"v": "0.5 - 2*v"}, when="0.7 - v", name="turned"),
+                Transition("soft", "stiff", "x", 1, {"v": "0.9*v"}, when="v - 0.7"),
+                Transition("stiff", "soft", "x", 0, {"v": "0.8*v"}, when="1.1 - v*v"),
+            ],
+            id="a reset that turns speeds about, and thresholds",
+        ),
+    ],
+)
+def test_transitions_that_share_a_surface_happen_as_those_of_single_motions(transitions):
+    system = oscillator(*transitions)
+    starts = np.random.default_rng(2).uniform(-1.5, 1.5, (40, 2))
+    ensemble = Ensemble(system, {}, tolerance=1e-11, interval=1.7)
+    ends, modes = ensemble.strobe(starts, count=4)
+    motions = [saltus.simulate(system, {}, x, t_end=6.8) for x in starts]
+    names = [transition.name for transition in system.transitions]
+    happened = {name for motion in motions for name in motion.events["name"]}
+    assert happened == set(names)
+    np.testing.assert_allclose(ends, [motion.x_end for motion in motions], atol=1e-8)
+    assert [system.mode_names[mode] for mode in modes] == [motion.mode_at(motion.t_end) for motion in motions]
+
+
+def test_a_motion_starts_before_an_event_of_the_phase_alone():
+    fields = {name: {"x": "v", "v": f"cos(theta) - {k}*x - 0.1*v"} for name, k in (("soft", 1.0), ("stiff", 1.7))}
+    system = saltus.HybridSystem(
+        ("x", "v"), {"w": 1.3}, {name: Mode(field) for name, field in fields.items()},
+        [
+            Transition("soft", "stiff", at_phase=4.0, when="v", otherwise="soft"),
+            Transition("stiff", "soft", at_phase=5.5),
+            Transition("soft", "soft", at_phase=1.0, reset={"v": "v + 0.1"}, name="kick"),
+        ],
+        phase=("theta", "w"),
+    )  # fmt: skip
+    starts = np.random.default_rng(3).uniform(-1.0, 1.0, (20, 2))
+    ensemble = Ensemble(system, {}, tolerance=1e-11)
+    ends = ensemble.strobe(starts, count=3)[0]
+    np.testing.assert_allclose(ends, [saltus.simulate(system, {}, x, periods=3).x_end[:2] for x in starts], atol=1e-8)
+    assert ensemble.left_over == 0
+
+
 def test_a_motion_starts_in_no_mode_that_lacks_a_state_which_it_has():
     system = belt()
     ensemble = Ensemble(system, {}, tolerance=1e-11, interval=1.0)

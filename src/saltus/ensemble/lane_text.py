@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from saltus.ensemble.labels import FIELDS
 from saltus.ensemble.lane_kinds import pools_of
 from saltus.system.expansion import expanded
+from saltus.system.parts import at_phases
 from saltus.system.writer import Writer
 
 if TYPE_CHECKING:
@@ -62,13 +63,17 @@ class LaneText(Writer):
 
     @cached_property
     def two_sided(self) -> set[int]:
-        """Events with a direction whose surface a motion may pass without a transition, as their condition fails."""
+        """Events with a direction whose surface a motion may pass without a transition.
+
+        Their condition fails, or the phase alone comes back to the surface from the other side.
+        """
         s, about = self.system, {pool.form.transition for pool in self.pools if pool.form is not None}
         return {
             k
             for k, transition in enumerate(s.system.transitions)
-            if s.when[k] != 1 and transition.direction and k not in about and k not in self.touches
-        }
+            if (s.when[k] != 1 or at_phases(s.system, transition))
+            and transition.direction and k not in about and k not in self.touches
+        }  # fmt: skip
 
     def on(self, j: int) -> int:
         """Field that is 1 where a motion starts on the surface of event j of its mode, 2 where it touches it there."""

@@ -21,6 +21,7 @@ from saltus.ensemble.lane_text import LaneText
 from saltus.ensemble.taylor_step import taylor_step
 from saltus.system.expansion import expanded, proportional
 from saltus.system.own_states import absent_states
+from saltus.system.parts import at_phases
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -148,7 +149,8 @@ class LaneWriter(LaneText):
                 if direction and k not in self.two_sided:
                     lines.append(f"        value = {-float(direction)!r}*value")
                 else:
-                    if direction:  # beyond it a motion lands only where the condition fails
+                    if direction and not at_phases(s.system, s.system.transitions[k]):
+                        # beyond it a motion lands only where the condition fails
                         passed = f"{float(direction)!r}*value > 0.0 and {self.text_of(s.when[k], names)} > 0.0"
                         lines += [f"        if not on & {self.same_mode} and {passed}:", f"            return {HARD}"]
                     lines.append(f"        {self.store(self.side(j), 'math.copysign(1.0, value)')}")
@@ -188,7 +190,11 @@ class LaneWriter(LaneText):
             conditions += [f"{self.text_of(s.domain[mode], names)} > 0.0"] if s.domain[mode] != 1 else []
             for k in self.events[mode]:
                 transition = s.system.transitions[k]
-                if transition.target == transition.source or not transition.direction:
+                if (
+                    transition.target == transition.source
+                    or not transition.direction
+                    or at_phases(s.system, transition)
+                ):
                     continue
                 value = self.text_of(s.event[k], names)
                 surfaces.append(f"({value}) == 0.0")
@@ -236,22 +242,26 @@ class LaneWriter(LaneText):
                     f"    if not abs({value})*{self.place(f'escale{transition}')} < {_CLOSE!r}:",
                     f"        return {HARD}",
                 ]
-            ways = self._alike(transition)
-            happens = [line for way in ways for line in self._happening(way, names)]
-            if transition not in self.two_sided or len(ways) > 1:
-                lines += [*(f"    {line}" for line in happens), f"    return {HARD}"]
-                continue
-            before = repr(-float(s.system.transitions[transition].direction))
-            lines += [f"    if {self.load(self.side(j))} == {before}:", *(f"        {line}" for line in happens)]
-            lines.append(f"    return enter_{pool.mode}(S, l, {1 << j | self.same_mode}, p, q)")
+            lines += [f"    {line}" for line in self._met(pool, transition, names)]
         return lines
 
-    def _alike(self, transition: int) -> list[int]:
-        """Transitions out of the same mode that happen at the same event, in the order of the definition."""
-        s, own = self.system, self.system.system.transitions[transition]
-        same = [k for k, event in enumerate(s.event) if s.source[k] == s.source[transition]
-                and event == s.event[transition] and s.system.transitions[k].direction == own.direction]  # fmt: skip
-        return same if s.when[transition] != 1 else [transition]
+    def _met(self, pool: Pool, transition: int, names: dict[sympy.Expr, str]) -> list[str]:
+        """Statements of a lane on the surface of a transition: the first that happens there is taken.
+
+        Where none happens the motion passes the surface, if all of these transitions may be passed.
+        """
+        s, lines, on, passes = self.system, list[str](), self.same_mode, True
+        for j, k in enumerate(self.events[pool.mode]):
+            if k != transition and not self._vanishes_with(s.event[k], s.event[transition]):
+                continue
+            on |= 1 << j
+            happens, direction = self._happening(k, names), s.system.transitions[k].direction
+            if k in self.two_sided:
+                happens = [f"if {self.load(self.side(j))} == {-float(direction)!r}:", *(f"    {x}" for x in happens)]
+            lines += happens
+            about = pool.form is not None and pool.form.transition == k
+            passes = passes and (k in self.two_sided or (not direction and s.when[k] != 1 and not about))
+        return [*lines, f"return enter_{pool.mode}(S, l, {on}, p, q)" if passes else f"return {HARD}"]
 
     def _happening(self, transition: int, names: dict[sympy.Expr, str]) -> list[str]:
         """Statements by which a lane takes a transition, if its condition holds."""
@@ -262,10 +272,43 @@ class LaneWriter(LaneText):
             if value != symbol
         ]
         target = list(s.system.modes).index(s.system.transitions[transition].target)
-        lines.append(f"return enter_{target}(S, l, {self._surfaces(transition, target)}, p, q)")
+        bits = self._surfaces(transition, target)
+        if follows := self._follows(transition, target, bits, names):
+            lines = [f"if {' or '.join(follows)}:", f"    return {HARD}", *lines]
+        lines.append(f"return enter_{target}(S, l, {bits}, p, q)")
         if s.when[transition] == 1:
             return lines
         return [f"if {self.text_of(s.when[transition], names)} > 0.0:", *(f"    {line}" for line in lines)]
+
+    def _follows(self, transition: int, target: int, bits: int, names: dict[sympy.Expr, str]) -> list[str]:
+        """Conditions for an event to happen at once where a transition has led; see docs/theory/flow.md, Sides."""
+        s, found = self.system, list[str]()
+        moved = dict(zip(s.x, s.reset[transition], strict=True))
+        stays = target == s.source[transition]
+        for j, k in enumerate(self.events[target]):
+            if not bits & 1 << j or bits & 1 << (j + self.n_events):
+                continue
+            direction, rate = s.system.transitions[k].direction, s.rate[k].xreplace(moved)
+            holds = [s.when[k].xreplace(moved)] if s.when[k] != 1 else []
+            if k == transition:
+                if (direction and k not in self.two_sided) or self._repeats_nothing(k, moved):
+                    continue
+                before = f"{float(direction)!r}" if direction else f"-{self.load(self.side(j))}"
+                changed = [x for x in s.x if moved[x] != x]
+                texts = [f"{before}*({self.text_of(rate, names)}) > 0.0"]
+                if len(changed) == 1:  # a reset that turns no rate back is a threshold's
+                    turn = -sympy.diff(s.rate[k], changed[0]) * sympy.diff(rate, changed[0])
+                    texts.append(f"{self.text_of(turn, names)} > 0.0")
+                found.append(" and ".join(texts))
+            elif direction or stays:
+                holds += [direction * rate] if direction else []
+                found.append(" and ".join(f"{self.text_of(value, names)} > 0.0" for value in holds) or "True")
+        return found
+
+    def _repeats_nothing(self, transition: int, moved: dict[sympy.Expr, sympy.Expr]) -> bool:
+        """Whether a reset changes neither the event function of its transition nor the rate of the event function."""
+        s = self.system
+        return all(expanded(value.xreplace(moved) - value) == 0 for value in (s.event[transition], s.rate[transition]))
 
     def _surfaces(self, transition: int, target: int) -> int:
         """Bits of the events of the target mode that vanish on the surface of a transition, after its reset."""

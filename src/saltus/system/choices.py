@@ -16,7 +16,7 @@ class Max(sympy.Max):  # type: ignore[misc]
 
     def __new__(cls, *arguments: Any, **_: Any) -> Any:
         """Return the function, simplified where its arguments are short."""
-        return sympy.Max.__new__(cls, *arguments, evaluate=_short(arguments))
+        return _made(cls, sympy.Max, arguments)
 
 
 class Min(sympy.Min):  # type: ignore[misc]
@@ -24,11 +24,17 @@ class Min(sympy.Min):  # type: ignore[misc]
 
     def __new__(cls, *arguments: Any, **_: Any) -> Any:
         """Return the function, simplified where its arguments are short."""
-        return sympy.Min.__new__(cls, *arguments, evaluate=_short(arguments))
+        return _made(cls, sympy.Min, arguments)
 
 
-def _short(arguments: tuple[Any, ...]) -> bool:
-    return bool(sum(sympy.count_ops(argument) for argument in arguments) <= _COMPARED)
+def _made(cls: Any, base: Any, arguments: tuple[Any, ...]) -> Any:
+    """Return the function of a class that is not simplified by itself: SymPy's methods ask which class they are of."""
+    if sum(sympy.count_ops(argument) for argument in arguments) <= _COMPARED:
+        simple = base(*arguments)
+        if not isinstance(simple, base):
+            return simple
+        arguments = simple.args
+    return base.__new__(cls, *arguments, evaluate=False)
 
 
 CHOICES = {"Max": Max, "Min": Min}

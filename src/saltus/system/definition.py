@@ -324,7 +324,8 @@ class Definition:
         """
         x = checks.array(name, x0, f"numbers, one for each of {', '.join(self.states)}", finite=False)
         n = len(self.states)
-        if mode in self.modes and (own := self.modes[mode].states) is not None and len(x) in (len(own), len(own) + 1):
+        own = self.modes[mode].states if isinstance(mode, str) and mode in self.modes else None
+        if own is not None and len(x) in (len(own), len(own) + 1):
             x = self._completed_state(x, own)
         if x.shape != (n,) and x.shape != (len(self.all_states),):
             wanted = f"of shape ({n},), one number for each of {', '.join(self.states)}"

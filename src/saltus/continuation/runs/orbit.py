@@ -30,15 +30,7 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
-from saltus.continuation.runs.beyond import (
-    leaving,
-    seen_beyond,
-    summed_late,
-    sums_up,
-    switched,
-    turns_back,
-    without_rounding,
-)  # fmt: skip
+from saltus.continuation.runs import beyond
 from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
@@ -224,15 +216,15 @@ class OrbitRun(OneParameterRun):
         ahead = adding_sliding_ahead(half.points, self.equations)
         if ahead is None:
             return None
-        fresh, event, beyond = ahead
+        fresh, event, later = ahead
         arc = half.points[-1][1].arc
-        event.point.arc, beyond.arc = arc, arc + abs(beyond.arc - event.point.arc)
+        event.point.arc, later.arc = arc, arc + abs(later.arc - event.point.arc)
         self._drop_shadows(half, fresh, event.point)
         half.specials.append(self.found("AS", fresh, event, half))
         half.points.append((fresh, event.point))
         if "AS" in self.stops:
             return f"{self.place(event.point)}: {POINT_TYPES['AS'].meaning}"
-        return fresh, beyond, self._first_step
+        return fresh, later, self._first_step
 
     def closes(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> bool:
         """See `Run.closes`."""
@@ -257,8 +249,8 @@ class OrbitRun(OneParameterRun):
             return self._unbounded(half, grown)
         if (swollen := swells_for_ever(half.points)) is not None:
             return f"{self.place(point)}: {swollen}"
-        if summed_late(piece.problem, point.u):
-            again = seen_beyond(piece, point, self.equations, self._wide, ways=(1.0,), rounds=2)
+        if beyond.summed_late(piece.problem, point.u):
+            again = beyond.seen_beyond(piece, point, self.equations, self._wide, ways=(1.0,), rounds=2)
             if again is not None:
                 return *again, self._first_step
         return self._cut(half, piece, point)
@@ -321,10 +313,10 @@ class OrbitRun(OneParameterRun):
             point.examined = _as_before(point.examined, half.points[-1][1].examined.data)
             half.specials.append(self.found("BE", branch, event, half))
             return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
-        way = leaving(branch, event)
-        if sums_up(branch.problem, way):
+        way = beyond.leaving(branch, event)
+        if beyond.sums_up(branch.problem, way):
             half.points.append((branch, point))
-            again = seen_beyond(branch, point, self.equations, self._wide, ways=(1.0,), rounds=2)
+            again = beyond.seen_beyond(branch, point, self.equations, self._wide, ways=(1.0,), rounds=2)
             told = f"{self.place(point)}: the sum of the impacts that accumulate is no longer exact"
             return told if again is None else (*again, self._first_step)
         found = neighbour(branch.problem, way, point.u)
@@ -342,17 +334,17 @@ class OrbitRun(OneParameterRun):
             # on the border the signs of what vanishes are rounding
             orbit = replace(orbit, faults=orbit.faults & ~(DURATION | DIRECTION | WHEN))
             half.specials[-1] = replace(half.specials[-1], solution=orbit)
-        point.examined = without_rounding(point.examined)
+        point.examined = beyond.without_rounding(point.examined)
         half.points.append((branch, point))
         if name in self.stops:
             return f"{self.place(point)}: {POINT_TYPES[name].meaning}"
         what = POINT_TYPES[name].meaning
-        went = found if isinstance(found, str) else switched(found, point, self.equations)
+        went = found if isinstance(found, str) else beyond.switched(found, point, self.equations)
         if isinstance(went, str) and name != "GR":
-            went = seen_beyond(branch, point, self.equations, self._wide) or went
+            went = beyond.seen_beyond(branch, point, self.equations, self._wide) or went
         if isinstance(went, str):
             return f"{self.place(point)}: {what}, {went}"
-        if name != "GR" and turns_back(half.points, went[1]):
+        if name != "GR" and beyond.turns_back(half.points, went[1]):
             half.specials[-1] = replace(half.specials[-1], of="non-smooth fold")
         return *went, self._first_step
 
