@@ -272,13 +272,13 @@ class Grazing:
     """An orbit on the border of its signature.
 
     A segment has no length, or lies on a surface as a whole. Or an event is met without velocity, or where another one
-    happens, or where the condition of its transition runs out.
+    happens, or where the condition of its transition runs out. Or the condition of another transition begins to hold.
 
     Parameters
     ----------
     problem : OrbitProblem
         The equations.
-    kind : {"duration", "side", "rate", "condition", "ahead"}
+    kind : {"duration", "side", "rate", "condition", "ahead", "behind", "unmet"}
         The quantity that vanishes.
     segment : int
         Index of its segment.
@@ -301,7 +301,7 @@ class Grazing:
             gradient[self.place] = 1.0
         elif self.kind == "side":
             value, gradient = self.problem.distance(u, self.segment, self.transition)
-        elif self.kind in ("condition", "ahead"):
+        elif self.kind in ("condition", "ahead", "behind", "unmet"):
             value, gradient = self._condition(u), self._slopes(u)
         else:
             value, gradient = self.problem.rate(u, self.segment)
@@ -311,7 +311,7 @@ class Grazing:
         survey = self.problem.survey(u)
         if self.kind == "condition":
             return float(survey.rates[self.segment, 3])
-        return float(survey.ahead[self.segment, self.transition])
+        return float(getattr(survey, self.kind)[self.segment, self.transition])
 
     def _slopes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return central differences of the condition, whose derivatives are not compiled."""

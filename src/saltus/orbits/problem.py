@@ -415,8 +415,10 @@ class OrbitProblem:
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
         lows, highs, moments = np.empty(quantities), np.empty(quantities), np.empty((quantities, 3))
         margins, places = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
-        ahead = np.empty((self.segments, transitions))
-        found = lows, highs, margins, places, np.zeros((self.segments, 4)), ahead, np.empty(self.n), moments
+        ahead, behind = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
+        unmet = np.empty((self.segments, transitions))
+        counts, rates = np.empty((self.segments, transitions), dtype=np.int64), np.zeros((self.segments, 4))
+        found = lows, highs, margins, places, rates, ahead, behind, unmet, counts, np.empty(self.n), moments
         faults = self._surveys.survey(
             self.record, self._events, self.mesh, self._dense, (self.tol, self._atol), self.state_scale, u, found
         )

@@ -69,6 +69,7 @@ class Events(NamedTuple):
     directions: NDArray[np.int64]
     surfaces: NDArray[np.int64]
     alike: NDArray[np.int64]  # shape (transitions,): the first transition with the same event function
+    idle: NDArray[np.int64]  # shape (transitions,): 1 where motions are the same with a transition and without it
     absent: NDArray[np.int64]  # shape (modes * n,): 1 where a mode lacks a state
     # modes, outputs: counts of modes and of outputs
     modes: int
@@ -93,6 +94,13 @@ class Found(NamedTuple):
     # shape (segments, transitions): how far each segment's end is from the surface of each event that comes nearer
     # there, if its condition holds; NaN for others, and for those in either direction
     distances: NDArray[np.float64]
+    # shape (segments, transitions): how far beyond the surface of each event each segment starts from which it goes on
+    # there, if its condition holds; NaN for others
+    behind: NDArray[np.float64]
+    # shape (segments, transitions): how far from holding the condition of each transition is where the segment meets
+    # its surface all the same, and not as its end; NaN where it does not meet it. How often it does so
+    unmet: NDArray[np.float64]
+    counts: NDArray[np.int64]
     x0: NDArray[np.float64]  # shape (n,): state at phase 0
     # shape (n + outputs, 3): means of every state and output, and of their products with cosine and sine of the angle
     moments: NDArray[np.float64]
@@ -147,6 +155,7 @@ def events_of(system: HybridSystem) -> Events:
         directions=np.array([t.direction for t in system.transitions], dtype=np.int64),
         surfaces=np.array([_surface(system, t) for t in system.transitions], dtype=np.int64),
         alike=_alike([transition.event for transition in system.transitions]),
+        idle=np.array([_is_idle(transition) for transition in system.transitions], dtype=np.int64),
         absent=_absent(system),
         modes=len(system.modes),
         outputs=system.compiled.n_outputs,
@@ -173,4 +182,14 @@ def _surface(system: HybridSystem, transition: Transition) -> int:
         return SECTION
     if transition.target != transition.source:
         return BOUNDARY
-    return STOP if any(value != state for state, value in transition.reset.items()) else SECTION
+    return STOP if _moves(transition) else SECTION
+
+
+def _is_idle(transition: Transition) -> bool:
+    """Return whether a transition changes nothing, or sums up what happens without it as well."""
+    return transition.sums or (transition.target == transition.source and not _moves(transition))
+
+
+def _moves(transition: Transition) -> bool:
+    """Return whether the reset of a transition changes a state."""
+    return any(value != state for state, value in transition.reset.items())

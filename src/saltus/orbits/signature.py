@@ -207,6 +207,15 @@ class Survey:
     # before the event. NaN for other events, for those in either direction, that do not come nearer there, or whose
     # condition does not hold there
     ahead: NDArray[np.float64]
+    # shape (segments, transitions): how far beyond the surface of each event of its mode each segment starts, negative
+    # before the event. NaN for other events, for those from which it does not go on there, or whose condition does not
+    # hold there
+    behind: NDArray[np.float64]
+    # shape (segments, transitions): how far from holding the condition of each transition is where the segment meets
+    # its surface all the same, and not as its end; negative where it holds, NaN where the surface is not met. How often
+    # the surface is met so
+    unmet: NDArray[np.float64]
+    counts: NDArray[np.int64]
     # shape (states,): state at phase 0, or at the first segment's start where there is no phase
     x0: NDArray[np.float64]
     # shape (states + outputs, 3): means over the period, and of the products with cosine and sine of the angle, which

@@ -64,7 +64,7 @@ def _born(
         mode = problem.signature.modes[monitor.segment]
         return problem.system.mode_index(target), mode, mode
     n, size = problem.n, problem.size
-    if monitor.kind in ("condition", "ahead"):
+    if monitor.kind in ("condition", "ahead", "behind", "unmet"):
         if isinstance(found, str) or len(found.signature) <= len(problem.signature):
             return None
         modes = found.signature.modes

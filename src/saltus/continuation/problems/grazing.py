@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.problems.margins import run_out
+from saltus.continuation.problems.margins import passing, run_out
+from saltus.continuation.problems.rows import Found, closed, gathered, joined
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, TOUCH_END, WHOLE, Signature
+from saltus.orbits.signature import CLOSED_END, PHASE_END, TOUCH_END, WHOLE, Signature
 from saltus.orbits.solve import settle_signature
 
 if TYPE_CHECKING:
@@ -47,8 +48,8 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
     monitor : Monitor
         The monitor function that vanishes: a ``margin`` (a segment touches a surface), a ``side`` (a whole segment lies
         on a surface), a ``rate`` (a segment's event is met without velocity), a ``duration`` (a segment has no
-        length), a ``condition`` (that of the transition at a segment's end runs out), or an ``ahead`` (another event
-        happens at a segment's end).
+        length), a ``condition`` (that of the transition at a segment's end runs out), an ``ahead`` (another event
+        happens at a segment's end), a ``behind`` (at its start), or an ``unmet`` (another condition begins to hold).
     u : ndarray, shape (size + 1,)
         Unknowns of the orbit, and the parameter.
     """
@@ -60,8 +61,14 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
         found = _insert(problem, blocks, u, monitor.segment, monitor.transition)
     elif monitor.kind == "side":
         found = _change_modes(problem, blocks, u, monitor.transition)
+    elif monitor.kind == "duration" and _meets_another(problem, monitor.segment):
+        found = joined(problem, blocks, u, monitor.segment)
     elif monitor.kind == "duration":
         found = _remove(problem, blocks, u, monitor.segment)
+    elif monitor.kind in ("behind", "unmet"):
+        found = _begin(problem, blocks, u, monitor)
+    elif monitor.kind == "condition" and _passes(problem, monitor.segment):
+        found = joined(problem, blocks, u, monitor.segment)
     elif monitor.kind in ("condition", "ahead"):
         found = _reroute(problem, blocks, u, monitor)
     else:
@@ -113,13 +120,17 @@ def vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Mon
     return Monitor("rate", i)
 
 
-_Found = tuple[Signature, "NDArray[np.float64]"]
-
-
-def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int, k: int) -> _Found | str:
-    """Cut segment `i` where it touches the surface of transition `k`, or return the reason why it cannot be cut."""
+def _insert(
+    problem: OrbitProblem,
+    blocks: NDArray[np.float64],
+    u: NDArray[np.float64],
+    i: int,
+    k: int,
+    place: float | None = None,
+) -> Found | str:
+    """Cut segment `i` at a place, or where it touches the surface of transition `k`, or return why it cannot be cut."""
     system, n, old = problem.system, problem.n, problem.signature
-    place = problem.survey(u).places[i, k]
+    place = problem.survey(u).places[i, k] if place is None else place
     duration = blocks[i, n]
     before = duration * place * place * (3.0 - 2.0 * place)
     touching = problem.state_on(i, place)
@@ -149,10 +160,22 @@ def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
     else:
         same = [(m, t, b) for m, t, b in zip(old.modes, old.transitions, blocks, strict=True)]
         rows = [*same[:i], *cut, (mode, old.transitions[i], rest), *same[i + 1 :]]
-    return _gather(rows, old.turns)
+    return gathered(rows, old.turns)
 
 
-def _change_modes(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], k: int) -> _Found | str:
+def _begin(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], name: Monitor) -> Found | str:
+    """Let an event happen at a segment's start or end, or where the segment passes the event's surface."""
+    problem.survey(u)
+    event = problem.system.transitions[name.transition]
+    place = 0.0 if name.kind == "behind" else passing(problem, name.segment, name.transition)
+    if place == 1.0:
+        return _reroute(problem, blocks, u, name)
+    if event.target != event.source:
+        return f"{event.name!r} begins to happen, and the motion goes on in {event.target!r} from there"
+    return _insert(problem, blocks, u, name.segment, name.transition, place)
+
+
+def _change_modes(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], k: int) -> Found | str:
     """Move every segment that lies wholly on a surface to the target mode of the surface's transition."""
     system, old, names = problem.system, problem.signature, problem.system.mode_names
     if (first := system.transitions[k]).target == first.source:
@@ -195,6 +218,19 @@ def _on_surfaces(problem: OrbitProblem, u: NDArray[np.float64]) -> list[tuple[in
 def sides_met(problem: OrbitProblem, u: NDArray[np.float64]) -> set[Monitor]:
     """Return the monitor functions of kind ``side`` that vanish at an orbit."""
     return {Monitor("side", i, k) for i, k in _on_surfaces(problem, u)}
+
+
+def _passes(problem: OrbitProblem, segment: int) -> bool:
+    """Return whether the event that ends a segment changes nothing, so that the next segment continues it."""
+    event = problem.system.transitions[problem.signature.transitions[segment]]
+    return event.target == event.source and all(value == state for state, value in event.reset.items())
+
+
+def _meets_another(problem: OrbitProblem, segment: int) -> bool:
+    """Return whether a segment begins on another surface than that of its event, which changes nothing."""
+    ends, transitions = problem.signature.transitions, problem.system.transitions
+    before = transitions[ends[segment - 1]].event
+    return _passes(problem, segment) and before != transitions[ends[segment]].event
 
 
 def _rests(problem: OrbitProblem, segment: int, transition: int) -> bool:
@@ -275,7 +311,7 @@ def _turns_back(problem: OrbitProblem, back: int, mode: int, x: NDArray[np.float
     return float(gradient[2 + n :] @ field) * (problem.system.transitions[back].direction or 1) > 0.0
 
 
-def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
+def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> Found | str:
     """Remove segment `i`, which has no length: its two neighbours are joined, or one leads to the other at once."""
     old = problem.signature
     count = len(old)
@@ -283,16 +319,16 @@ def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
     if old.modes[previous] != old.modes[following]:
         return _skip(problem, blocks, i)
     if count == 2:
-        return _closed(problem, blocks[previous], u)
-    joined = blocks[previous].copy()
-    joined[problem.n] += blocks[following, problem.n]
+        return closed(problem, blocks[previous], u)
+    whole_one = blocks[previous].copy()
+    whole_one[problem.n] += blocks[following, problem.n]
     rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
-    rows[previous] = (old.modes[previous], old.transitions[following], joined)
+    rows[previous] = (old.modes[previous], old.transitions[following], whole_one)
     kept = [row for j, row in enumerate(rows) if j not in (i, following)]
-    return _gather(kept, old.turns)
+    return gathered(kept, old.turns)
 
 
-def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Found | str:
+def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Found | str:
     """Remove segment `i`, which has no length, with a transition that leads past it."""
     old, n, names = problem.signature, problem.n, problem.system.mode_names
     count = len(old)
@@ -308,7 +344,7 @@ def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> _Found 
     rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
     rows[previous] = (source, past[0], blocks[previous])
     del rows[i]
-    return _gather(rows, old.turns)
+    return gathered(rows, old.turns)
 
 
 _Rows = list[tuple[int, int, "NDArray[np.float64]"]]
@@ -316,7 +352,7 @@ _Rows = list[tuple[int, int, "NDArray[np.float64]"]]
 
 def _reroute(
     problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], monitor: Monitor
-) -> _Found | str:
+) -> Found | str:
     """Let the segment of a monitor function, and those like it, end with another transition at the same place.
 
     Where both halves of a symmetric orbit change, they change at once.
@@ -329,7 +365,7 @@ def _reroute(
         if isinstance(found, str):
             return found
         rows[name.segment : name.segment + 1] = found
-    return _gather(rows, old.turns)
+    return gathered(rows, old.turns)
 
 
 def _rerouted(problem: OrbitProblem, blocks: NDArray[np.float64], i: int, instead: int) -> _Rows | str:
@@ -386,12 +422,10 @@ def _meets(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> bo
     return bool(abs(out[0]) < _NEAR * float(np.abs(out[2 : 2 + problem.n]) @ problem.state_scale))
 
 
-def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
+def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> Found | str:
     """Join segment `i` with the next one where its event is met without velocity and changes nothing."""
-    old, n = problem.signature, problem.n
-    count = len(old)
-    following = (i + 1) % count
-    met, after = problem.state_on(i, 1.0), np.empty(n)
+    old, following = problem.signature, (i + 1) % len(problem.signature)
+    met, after = problem.state_on(i, 1.0), np.empty(problem.n)
     problem.system.compiled.call("reset", old.transitions[i], 0, met, problem.extended, after)
     if old.modes[i] != old.modes[following]:
         back = _way_back(problem, old.modes[following], old.modes[i], after)
@@ -400,28 +434,4 @@ def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
         return _TURNED
     if old.kinds[i] != TOUCH_END and np.max(np.abs(after - met) / problem.state_scale) > _NEAR:
         return "the event met without velocity moves the state"
-    if count == 1:
-        return _closed(problem, blocks[0], u)
-    joined = blocks[i].copy()
-    joined[n] += blocks[following, n]
-    rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
-    rows[i] = (old.modes[i], old.transitions[following], joined)
-    kept = [row for j, row in enumerate(rows) if j != following]
-    return _gather(kept, old.turns)
-
-
-def _closed(problem: OrbitProblem, block: NDArray[np.float64], u: NDArray[np.float64]) -> _Found:
-    """Return a single segment without events, started at phase 0 where the system has a phase."""
-    old, n = problem.signature, problem.n
-    closing = CLOSED_END if problem.system.phase is None else PHASE_END
-    signature = Signature((old.modes[0],), (-1,), (closing,), old.turns)
-    row = block.copy()
-    if closing == PHASE_END:
-        row[:n] = problem.survey(u).x0
-    return signature, row[None, :]
-
-
-def _gather(rows: list[tuple[int, int, NDArray[np.float64]]], turns: int) -> _Found:
-    modes, transitions, blocks = zip(*rows, strict=True)
-    kinds = (EVENT_END,) * len(rows)
-    return Signature(tuple(modes), tuple(transitions), kinds, turns), np.array(blocks)
+    return joined(problem, blocks, u, i)

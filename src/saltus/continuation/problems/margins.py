@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import brentq
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.orbits.critical import TOUCHING, Grazing
@@ -17,8 +18,11 @@ from saltus.orbits.signature import DIRECTION, DURATION, EVENT_END, MEAN_END, WH
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["grazing_monitors", "on_border", "run_out", "side_of", "still_ahead", "timed", "without_shadows"]
+    from saltus.continuation.core.zero_problem import Point
 
+__all__ = ["grazing_monitors", "on_border", "passing", "run_out", "side_of", "still_ahead", "timed", "without_shadows"]
+
+_PLACES = 400  # states of a segment at which it is seen where the segment passes a surface
 _STEP = 1e-3  # change of a state, over its size, by which it is seen how a condition varies
 
 
@@ -35,6 +39,10 @@ def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], 
             if transition.source == system.mode_names[mode]:
                 if end >= 0 and transition.event != own:
                     found[Monitor("ahead", i, k)] = lambda s, at=(i, k): float(s.ahead[at])  # type: ignore[misc]
+                if signature.transitions[i - 1] >= 0:
+                    found[Monitor("behind", i, k)] = lambda s, at=(i, k): float(s.behind[at])  # type: ignore[misc]
+                if transition.when is not None and k not in system.velocity_conditions:
+                    found[Monitor("unmet", i, k)] = lambda s, at=(i, k): float(s.unmet[at])  # type: ignore[misc]
                 found[Monitor("margin", i, k)] = lambda s, at=(i, k): (  # type: ignore[misc]
                     float(s.margins[at]) if s.places[at] != WHOLE else math.inf
                 )
@@ -72,16 +80,27 @@ def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> li
         if abs(survey.rates[i, 3]) < TOUCHING * size:
             found.append(Monitor("condition", i))
     for name, value in grazing_monitors(problem).items():
-        size = problem.event_size(name.transition, u[: problem.n]) if name.kind == "ahead" else math.nan
+        size = problem.event_size(name.transition, u[: problem.n]) if name.kind in ("ahead", "behind") else math.nan
+        if name.kind == "unmet" and math.isfinite(value(survey)):
+            place = passing(problem, name.segment, name.transition)
+            size = _condition_size(problem, name.transition, problem.state_on(name.segment, place))
         if abs(value(survey)) < TOUCHING * size:
             found.append(name)
     return found
 
 
-def still_ahead(monitors: dict[Monitor, float], known: Mapping[Monitor, float]) -> None:
-    """Drop events that segments' ends have passed, unless they were ahead at the point before, in `known`."""
+def still_ahead(monitors: dict[Monitor, float], survey: Survey, before: Point | None) -> None:
+    """Drop events that segments have passed, unless they were ahead at the point before.
+
+    A condition that holds is that of the same meeting only where the surface is met as often as before.
+    """
+    known = {} if before is None else before.examined.monitors
+    counts = survey.counts if before is None else before.examined.data.survey.counts
+    known_counts = counts.shape == survey.counts.shape
     for name, value in monitors.items():
-        if name.kind == "ahead" and value < 0.0 and not known.get(name, math.nan) > 0.0:
+        again = name.kind == "unmet" and not (known_counts and counts[name[1:3]] == survey.counts[name[1:3]])
+        passed = name.kind in ("ahead", "behind", "unmet") and value < 0.0 and not known.get(name, math.nan) > 0.0
+        if again or passed:
             monitors[name] = math.nan
 
 
@@ -98,7 +117,9 @@ def without_shadows(names: Iterable[Monitor], vanishing: Iterable[int], count: i
         Segments in all.
     """
     beside = {i for j in vanishing for i in (j, (j - 1) % count)}
-    return [name for name in names if not (name.kind in ("rate", "condition", "ahead") and name.segment in beside)]
+    return [
+        name for name in names if not (name.kind in ("rate", "condition", "ahead", "unmet") and name.segment in beside)
+    ]
 
 
 def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], survey: Survey) -> Survey:
@@ -117,6 +138,29 @@ def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], s
     if grazing.kind == "duration" and np.all(durations[others] > 0.0):
         kept &= ~DURATION
     return replace(survey, faults=kept)
+
+
+def passing(problem: OrbitProblem, segment: int, transition: int) -> float:
+    """Return the place where a segment, as last surveyed, passes the surface of a transition whose condition is near 0.
+
+    That is 1, the segment's end, where the segment does not pass the surface before.
+    """
+    compiled, event, guard = problem.system.compiled, np.empty(2), np.empty(1)
+
+    def height(place: float) -> float:
+        compiled.call("event", transition, 0, problem.state_on(segment, place), problem.extended, event)
+        return float(event[0])
+
+    found = [(math.inf, 1.0)]
+    places = np.linspace(0.0, 1.0, _PLACES)
+    heights = [height(place) for place in places.tolist()]
+    for j in range(2, _PLACES - 1):
+        if heights[j - 1] * heights[j] < 0.0:
+            place = brentq(height, places[j - 1], places[j], xtol=1e-14)
+            state = problem.state_on(segment, place)
+            compiled.call("guard", len(problem.system.modes) + transition, 0, state, problem.extended, guard)
+            found.append((abs(float(guard[0])), place))
+    return min(found)[1]
 
 
 def _condition_size(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> float:

@@ -214,7 +214,7 @@ class OrbitZeroProblem:
         data = OrbitData(survey, values, unstable, followed)
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
-        still_ahead(monitors, {} if before is None else before.examined.monitors)
+        still_ahead(monitors, survey, before)
         if abs(values[0]) < INFINITE and not self.neutral:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)

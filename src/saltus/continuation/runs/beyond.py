@@ -37,7 +37,7 @@ _RESTS = 0.1  # way of the parameter over these points, over the longest, up to 
 _ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
 # Survey of a point from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _NONE = np.empty(0)
-_INADMISSIBLE = Survey(1, False, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, np.empty((0, 3)))
+_INADMISSIBLE = Survey(1, False, *(_NONE,) * 8, np.empty(0, dtype=np.int64), _NONE, np.empty((0, 3)))
 
 
 def leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
@@ -184,13 +184,14 @@ def _ranges(point: Point, count: int) -> NDArray[np.float64]:
 
 def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
     """Return whether a point is admissible and all its monitor functions of grazings are on that side."""
-    monitors, transitions = point.examined.monitors.items(), problem.system.transitions
-    grazings = (
+    transitions, ends = problem.system.transitions, problem.signature.transitions
+    grazings = []
+    for name, value in point.examined.monitors.items():
+        if not at_grazing(name) or math.isnan(value):
+            continue
         # an event in both directions has no admissible side
-        abs(value) if name.kind == "side" and transitions[name.transition].direction == 0 else value
-        for name, value in monitors
-        if at_grazing(name) and not math.isnan(value)
-    )
+        event = {"side": name.transition, "rate": ends[name.segment]}.get(name.kind)
+        grazings.append(value if event is None or transitions[event].direction else abs(value))
     return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
 
 

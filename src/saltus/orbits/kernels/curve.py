@@ -27,7 +27,7 @@ class View(NamedTuple):
         Components of the full state; counts of modes, outputs and transitions.
     sources, directions, surfaces : pointer to int64
         As in `saltus.orbits.records.Events`.
-    alike, absent : pointer to int64
+    alike, idle, absent : pointer to int64
         As in `saltus.orbits.records.Events`.
     sizes : pointer to float64, (n,)
         Typical sizes of the states.
@@ -45,6 +45,7 @@ class View(NamedTuple):
     directions: object
     surfaces: object
     alike: object
+    idle: object
     absent: object
     sizes: object
     period: float

@@ -9,6 +9,7 @@ from numba import int64
 from saltus.flow.kernels.crossing import SHRINKS
 from saltus.flow.kernels.segment import EVENT_X
 from saltus.orbits.kernels.curve import FINE, GUARD, fine, held, lowest, sample, turning
+from saltus.orbits.kernels.together import holds
 from saltus.orbits.signature import BEYOND, BOUNDARY, EARLY, SECTION, WHOLE
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
@@ -55,12 +56,22 @@ def margin(view, curve, k, head, transition, before, closed, room, found):
     outlined()
     total = curve.count * FINE
     height, sign = pointer(room.heights, k * (total + 1)), -1.0 if view.directions[k] > 0 else 1.0
-    if view.directions[k] != 0 and height[total] < height[total - 1]:
+    # the side from which the segment comes to its end
+    side = 1.0 if view.directions[k] != 0 or height[total - FINE] > 0.0 else -1.0
+    if side * height[total] < side * height[total - 1]:
         call(
             view.functions[GUARD], view.modes + k, 0, pointer(curve.nodes, curve.count * view.n), 0, view.p, room.one, 0
         )
         if room.one[0] > 0.0:
-            found.distances[head * view.transitions + k] = height[total]
+            found.distances[head * view.transitions + k] = side * height[total]
+    ends = transition >= 0 and view.alike[k] == view.alike[transition]
+    begins = before >= 0 and view.alike[k] == view.alike[before]
+    # the side to which the segment leaves
+    side = 1.0 if view.directions[k] != 0 or height[1] < height[0] else -1.0
+    if not closed and not begins and side * height[1] < side * height[0]:
+        call(view.functions[GUARD], view.modes + k, 0, curve.nodes, 0, view.p, room.one, 0)
+        if room.one[0] > 0.0:
+            found.behind[head * view.transitions + k] = -side * height[0]
     size, top, bottom = 0.0, height[0], height[0]
     for j in range(total + 1):
         size = max(size, abs(height[j]))
@@ -76,8 +87,6 @@ def margin(view, curve, k, head, transition, before, closed, room, found):
             height[j] = -height[j]
     level = curve.duration > BRIEF * view.period and top - bottom <= LEVEL * reach + 1e-14 * size
     passed = top < -small and view.directions[k] != 0 and view.surfaces[k] == BOUNDARY
-    ends = transition >= 0 and view.alike[k] == view.alike[transition]
-    begins = before >= 0 and view.alike[k] == view.alike[before]
     if not ends and not begins and (level or passed):
         holds = held(view, curve, k, room.x, room.one)
         if passed and holds == total + 1:
@@ -102,7 +111,7 @@ def _touches(view, curve, surface, ends, begins, room, found):
     """
     outlined()
     height, small, total, bad = surface.height, surface.small, curve.count * FINE, 0
-    armed = seen = unmet = False
+    armed = seen = unmet = beyond = False
     last = _told_up_to(curve, surface) if ends else total
     for j in range(total + 1):
         if 2 <= j <= last and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen and not unmet:
@@ -116,15 +125,17 @@ def _touches(view, curve, surface, ends, begins, room, found):
         starts = j == 1 and abs(height[0]) <= small and curve.duration > 0.0 and not begins
         if 0 < j < total and height[j] < -small and (armed or starts):
             # one who has passed while the condition did not hold is beyond, and meets the event no more
-            early, jumps = _crossed(view, curve, surface, j, armed, room)
+            early, jumps = _crossed(view, curve, surface, 1.0, j, armed, room, found)
             bad |= early
             unmet = early == 0 and not jumps
-            armed, seen = False, seen and not jumps
+            armed, seen, beyond = False, seen and not jumps, not jumps
+        if j < total and beyond and height[j] > small and view.directions[surface.transition] == 0:
+            bad |= _crossed(view, curve, surface, -1.0, j, True, room, found)[0]
         if j == total and not ends and armed and height[j] < -small:
             bad |= EARLY
         if height[j] > small:
             armed = seen = True
-            unmet = False
+            unmet = beyond = False
     return bad, seen
 
 
@@ -183,17 +194,18 @@ def _noted(view, curve, surface, least, place, beside, room, found):
 
 
 @njit(**INNER)
-def _crossed(view, curve, surface, j, armed, room):
+def _crossed(view, curve, surface, way, j, armed, room, found):
     """Return EARLY where the condition holds as the surface is passed, before the fine sample `j`; and whether it is not.
 
-    A function that jumps, or has a pole, changes its sign without being zero: that is no event.
+    way: 1 to beyond it, -1 back. A function that jumps, or has a pole, changes its sign without being zero: that is no
+    event.
     """
-    above, below = surface.height[j - 1], surface.height[j]
+    above, below = way * surface.height[j - 1], way * surface.height[j]
     apart = abs(above) + abs(below)
     low, high, what = fine(curve, j - 1), fine(curve, j), view.n + view.outputs + surface.transition
     for _ in range(50 if armed else 0):
         place = 0.5 * (low + high)
-        value = sample(view, curve, what, surface.sign, place, room.x, room.out)
+        value = sample(view, curve, what, way * surface.sign, place, room.x, room.out)
         if value < 0.0:
             high, below = place, value
         else:
@@ -201,8 +213,7 @@ def _crossed(view, curve, surface, j, armed, room):
     if armed and abs(above - below) > max(SHRINKS * apart, surface.small):
         return 0, True
     sample(view, curve, int64(0), 1.0, low, room.x, room.out)
-    call(view.functions[GUARD], view.modes + surface.transition, 0, room.x, 0, view.p, room.one, 0)
-    return EARLY if room.one[0] > 0.0 else 0, False
+    return holds(view, surface.transition, room.x, surface.at, room, found), False
 
 
 @njit(**INNER)

@@ -14,6 +14,7 @@ from saltus.orbits.kernels.curve import EVENT, FINE, GUARD, OUTPUTS, Curve, Room
 from saltus.orbits.kernels.equation import RESET, TURN, piece_at, pointed, total_duration
 from saltus.orbits.kernels.margin import margin
 from saltus.orbits.kernels.moment import add_moments
+from saltus.orbits.kernels.together import together
 from saltus.orbits.records import Dense, Events, Found, Mesh, Orbit
 from saltus.orbits.signature import (
     CLOSED_END,
@@ -73,8 +74,13 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
             found.margins[i * view.transitions + k] = np.inf
             found.places[i * view.transitions + k] = 0.5
             found.distances[i * view.transitions + k] = np.nan
+            found.behind[i * view.transitions + k] = np.nan
+            found.unmet[i * view.transitions + k] = np.nan
+            found.counts[i * view.transitions + k] = 0
         if kinds[i] != CUT_END:
             head, steps = i, int64(0)
+        if piece.transition >= 0 and piece.kind != TOUCH_END:
+            bad |= together(view, piece, system.modes[i + 1 if i + 1 < segments else 0], curve, head, room, found)
         if head < i or (i + 1 < segments and kinds[i + 1] == CUT_END):
             steps = _append(pointer(joined, 0), most // FINE + 2, curve, n, steps, i - head)
             if i + 1 < segments and kinds[i + 1] == CUT_END:
@@ -129,6 +135,7 @@ def _viewed(system, events, sizes, period):
         pointer(events.directions, 0),
         pointer(events.surfaces, 0),
         pointer(events.alike, 0),
+        pointer(events.idle, 0),
         pointer(events.absent, 0),
         sizes,
         period,
@@ -156,6 +163,9 @@ def _pointed(found):
         pointer(found.places, 0),
         pointer(found.rates, 0),
         pointer(found.distances, 0),
+        pointer(found.behind, 0),
+        pointer(found.unmet, 0),
+        pointer(found.counts, 0),
         pointer(found.x0, 0),
         pointer(found.moments, 0),
     )

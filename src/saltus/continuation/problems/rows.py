@@ -1,0 +1,49 @@
+"""Rows of unknowns, one for each segment, as the signature that they make up."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.problem import OrbitProblem
+
+__all__ = ["Found", "closed", "gathered", "joined"]
+
+# a signature, and the segments' states and durations, shape (segments, n + 1)
+Found = tuple[Signature, "NDArray[np.float64]"]
+
+
+def closed(problem: OrbitProblem, block: NDArray[np.float64], u: NDArray[np.float64]) -> Found:
+    """Return a single segment without events, started at phase 0 where the system has a phase."""
+    old, n = problem.signature, problem.n
+    closing = CLOSED_END if problem.system.phase is None else PHASE_END
+    signature = Signature((old.modes[0],), (-1,), (closing,), old.turns)
+    row = block.copy()
+    if closing == PHASE_END:
+        row[:n] = problem.survey(u).x0
+    return signature, row[None, :]
+
+
+def gathered(rows: list[tuple[int, int, NDArray[np.float64]]], turns: int) -> Found:
+    """Return segments that end with events, each with its mode, its transition, its state and its duration."""
+    modes, transitions, blocks = zip(*rows, strict=True)
+    kinds = (EVENT_END,) * len(rows)
+    return Signature(tuple(modes), tuple(transitions), kinds, turns), np.array(blocks)
+
+
+def joined(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> Found:
+    """Return the signature in which segment `i` and the next one, which continues it, are one."""
+    old, following = problem.signature, (i + 1) % len(problem.signature)
+    if following == i:
+        return closed(problem, blocks[i], u)
+    rows = [(mode, end, block) for mode, end, block in zip(old.modes, old.transitions, blocks.copy(), strict=True)]
+    rows[i] = (old.modes[i], old.transitions[following], rows[i][2])
+    rows[i][2][problem.n] += blocks[following, problem.n]
+    del rows[following]
+    return gathered(rows, old.turns)
