@@ -91,3 +91,11 @@ def test_a_reset_lands_on_the_surface_of_another_event(start):
     assert (point.type, point.parameters["a"]) == ("BC", pytest.approx(0.5, abs=1e-12))
     np.testing.assert_allclose(branch.period, 2.0 - branch.values, rtol=1e-12)
     assert [len(branch.at(a)[0].segments) for a in (0.2, 0.8)] == [2, 1]
+
+
+def test_an_orbit_that_a_wall_does_not_turn_back_is_no_motion():
+    wall = Transition("m", "m", "x - 1", 1, {"v": "3.2 - 2*v"}, name="wall")
+    system = saltus.HybridSystem(("x", "v"), {}, {"m": Mode({"x": "v", "v": "-x"})}, [wall])
+    # through x = 1 with the speed 16/15 the wall leaves 16/15: it turns speeds about, so that the event happens again
+    guess = [("m", "wall", [1.0, 3.2 / 3.0], 2.0 * math.pi)]
+    assert saltus.solve_orbit(system, {}, guess).reasons == ("another event lies inside a segment",)

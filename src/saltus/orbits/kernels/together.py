@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from saltus.flow.kernels.segment import EVENT_X
-from saltus.orbits.kernels.curve import GUARD
+from saltus.flow.kernels.side import APART, REVERSED
+from saltus.orbits.kernels.curve import EVENT, GUARD
 from saltus.orbits.kernels.equation import RESET
 from saltus.orbits.signature import EARLY, SECTION
 from saltus.system.numba_tools.machine_code import njit
@@ -25,6 +26,8 @@ def together(view, piece, following, curve, head, room, found):
     call(view.functions[RESET], transition, 0, end, 0, view.p, after, 0)
     call(view.functions[EVENT_X], transition, 0, end, 0, view.p, room.slope, 0)
     way, bad = 1.0 if room.slope[1] > 0.0 else -1.0, 0
+    if mode == following and not view.idle[transition] and _repeats(view, transition, way, end, after, room):
+        bad |= EARLY
     for k in range(view.transitions):
         if k == transition or view.idle[k] or view.alike[k] != view.alike[transition]:
             continue
@@ -47,6 +50,29 @@ def together(view, piece, following, curve, head, room, found):
         if goes_on and abs(room.slope[0]) <= ZERO * reach:
             bad |= holds(view, k, after, head * view.transitions + k, room, found)
     return bad
+
+
+@njit(**INNER)
+def _repeats(view, k, way, end, after, room):
+    """Return whether a motion goes on through the surface all the same, though the reset turns motions back there.
+
+    It is the rule of `saltus.flow.kernels.side.side_after`.
+    """
+    call(view.functions[EVENT], k, 0, end, 0, view.p, room.one, 0)
+    before = room.one[1]
+    call(view.functions[EVENT_X], k, 0, after, 0, view.p, room.slope, 0)
+    rate, speed = room.slope[1], 0.0
+    for e in range(view.n):
+        speed += abs(room.slope[2 + view.n + e]) * view.sizes[e]
+    if not way * rate > ZERO * speed:
+        return False
+    for e in range(view.n):
+        room.probe[e] = end[e] + (APART * view.sizes[e] if after[e] != end[e] else 0.0)
+    call(view.functions[EVENT], k, 0, room.probe, 0, view.p, room.one, 0)
+    change = room.one[1] - before
+    call(view.functions[RESET], k, 0, room.probe, 0, view.p, room.field, 0)
+    call(view.functions[EVENT], k, 0, room.field, 0, view.p, room.one, 0)
+    return (room.one[1] - rate) * change < REVERSED * change * change
 
 
 @njit(**INNER)
