@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from saltus.flow.kernels.segment import EVENT_X
-from saltus.flow.kernels.side import APART, REVERSED
+from saltus.flow.kernels.side import APART, RESET, REVERSED
 from saltus.orbits.kernels.curve import EVENT, GUARD
-from saltus.orbits.kernels.equation import RESET
 from saltus.orbits.signature import EARLY, SECTION
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
