@@ -118,7 +118,7 @@ def filippov(
     ...     phase=("theta", "w"),
     ... )
     >>> stick.modes["sliding"]
-    Mode(x' = v, v' = -w*(-u + v); surface -u + v = 0)
+    Mode(x' = v, v' = -w*(-u + v); domain 2*F > 0; surface -u + v = 0)
     """
     words, rates = _regions(surface, above, below, surfaces, fields)
     listed = names_of(states, "states")
