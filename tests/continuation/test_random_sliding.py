@@ -15,6 +15,7 @@ from selection import guarding
 
 LARGEST = (None, 0.05, 0.2)
 SPAN = 0.6  # of the parameter, to either side
+MOMENT = 1e-6  # stay in a mode, over the period, below which it is the oracle's rounding
 HANGS = 89  # a sliding segment that ends at a two-fold: its branch takes a minute a step
 
 
@@ -37,7 +38,10 @@ def modes_on(seed: int, orbit: saltus.PeriodicOrbit) -> tuple[str, ...] | None:
     back = moved(orbit.period)
     n = len(system.states)
     assert np.max(np.abs(back[:n] - x[:n])) < 1e-6, (seed, orbit.parameters["b"], moved.modes)
-    return tuple(moved.modes)
+    # next to an AS the oracle goes to and fro for a moment where an excursion begins
+    lengths = np.diff([0.0, *moved.times, orbit.period])
+    lasting = [mode for mode, length in zip(moved.modes, lengths, strict=True) if abs(length) > MOMENT * orbit.period]
+    return tuple(mode for mode, before in zip(lasting, [None, *lasting], strict=False) if mode != before)
 
 
 def branches_of(seed: int, results: Counter[str]) -> None:

@@ -95,12 +95,14 @@ def still_ahead(monitors: dict[Monitor, float], survey: Survey, before: Point | 
     A condition that holds is that of the same meeting only where the surface is met as often as before.
     """
     known = {} if before is None else before.examined.monitors
-    counts = survey.counts if before is None else before.examined.data.survey.counts
-    known_counts = counts.shape == survey.counts.shape
+    data = None if before is None else before.examined.data
+    same = None if data is None else data.survey.counts
+    if same is not None and same.shape != survey.counts.shape:
+        same = None
     for name, value in monitors.items():
-        again = name.kind == "unmet" and not (known_counts and counts[name[1:3]] == survey.counts[name[1:3]])
+        other = name.kind == "unmet" and same is not None and same[name[1:3]] != survey.counts[name[1:3]]
         passed = name.kind in ("ahead", "behind", "unmet") and value < 0.0 and not known.get(name, math.nan) > 0.0
-        if again or passed:
+        if other or passed:
             monitors[name] = math.nan
 
 

@@ -124,6 +124,8 @@ def seen_beyond(
             except ValueError:
                 continue
             point.examined = fresh.examine(point, None)
+            if point.examined.data is None:
+                continue
             count = len(fresh.problem.system.states)
             apart = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
             if np.max(apart) < _ALIKE and _beyond_changes(fresh.problem, point):
