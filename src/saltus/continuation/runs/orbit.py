@@ -295,6 +295,8 @@ class OrbitRun(OneParameterRun):
     def special(self, half: OneSide, branch: OrbitZeroProblem, event: Event) -> str | Going | None:
         """See `OneParameterRun.special`."""
         point = event.point
+        if point.examined.data is None:
+            return f"{self.place(point)}: {event.name} vanishes, but {point.examined.fault}"
         name = "GR" if at_grazing(event.name) else type_of(event.name)
         changes = name == "GR"
         if name == "BP" and (birth := self.halved(branch, point)) is not None:
