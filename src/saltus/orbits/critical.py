@@ -301,10 +301,10 @@ class Grazing:
             gradient[self.place] = 1.0
         elif self.kind == "side":
             value, gradient = self.problem.distance(u, self.segment, self.transition)
-        elif self.kind in ("condition", "ahead", "behind", "unmet"):
-            value, gradient = self._condition(u), self._slopes(u)
-        else:
+        elif self.kind == "rate":
             value, gradient = self.problem.rate(u, self.segment)
+        else:
+            value, gradient = self._condition(u), self._slopes(u)
         return np.array([value]), gradient[None, :], np.empty((1, 0))
 
     def _condition(self, u: NDArray[np.float64]) -> float:

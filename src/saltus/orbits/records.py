@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem, Transition
 
-__all__ = ["Dense", "Events", "Found", "Mesh", "Observed", "Orbit", "Phase", "Seen", "events_of"]
+__all__ = ["Dense", "Events", "Found", "Mesh", "Observed", "Orbit", "Phase", "Seen", "changes_nothing", "events_of"]
 
 
 class Orbit(NamedTuple):
@@ -187,7 +187,12 @@ def _surface(system: HybridSystem, transition: Transition) -> int:
 
 def _is_idle(transition: Transition) -> bool:
     """Return whether a transition changes nothing, or sums up what happens without it as well."""
-    return transition.sums or (transition.target == transition.source and not _moves(transition))
+    return transition.sums or changes_nothing(transition)
+
+
+def changes_nothing(transition: Transition) -> bool:
+    """Return whether a transition leads back to its mode without a reset: motions pass freely."""
+    return transition.target == transition.source and not _moves(transition)
 
 
 def _moves(transition: Transition) -> bool:

@@ -16,6 +16,7 @@ from saltus.continuation.problems.margins import passing, run_out
 from saltus.continuation.problems.rows import Found, closed, gathered, joined
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.records import changes_nothing
 from saltus.orbits.signature import CLOSED_END, PHASE_END, TOUCH_END, WHOLE, Signature
 from saltus.orbits.solve import settle_signature
 
@@ -222,8 +223,7 @@ def sides_met(problem: OrbitProblem, u: NDArray[np.float64]) -> set[Monitor]:
 
 def _passes(problem: OrbitProblem, segment: int) -> bool:
     """Return whether the event that ends a segment changes nothing, so that the next segment continues it."""
-    event = problem.system.transitions[problem.signature.transitions[segment]]
-    return event.target == event.source and all(value == state for state, value in event.reset.items())
+    return changes_nothing(problem.system.transitions[problem.signature.transitions[segment]])
 
 
 def _meets_another(problem: OrbitProblem, segment: int) -> bool:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["grazing_monitors", "on_border", "passing", "run_out", "side_of", "still_ahead", "timed", "without_shadows"]
 
+_MET = ("ahead", "behind", "unmet")  # monitor functions of events that a segment meets, and that do not end it
 _PLACES = 400  # states of a segment at which it is seen where the segment passes a surface
 _STEP = 1e-3  # change of a state, over its size, by which it is seen how a condition varies
 
@@ -101,7 +102,7 @@ def still_ahead(monitors: dict[Monitor, float], survey: Survey, before: Point | 
         same = None
     for name, value in monitors.items():
         other = name.kind == "unmet" and same is not None and same[name[1:3]] != survey.counts[name[1:3]]
-        passed = name.kind in ("ahead", "behind", "unmet") and value < 0.0 and not known.get(name, math.nan) > 0.0
+        passed = name.kind in _MET and value < 0.0 and not known.get(name, math.nan) > 0.0
         if other or passed:
             monitors[name] = math.nan
 
@@ -119,9 +120,7 @@ def without_shadows(names: Iterable[Monitor], vanishing: Iterable[int], count: i
         Segments in all.
     """
     beside = {i for j in vanishing for i in (j, (j - 1) % count)}
-    return [
-        name for name in names if not (name.kind in ("rate", "condition", "ahead", "unmet") and name.segment in beside)
-    ]
+    return [name for name in names if not (name.kind in ("rate", "condition", *_MET) and name.segment in beside)]
 
 
 def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], survey: Survey) -> Survey:
@@ -143,26 +142,29 @@ def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], s
 
 
 def passing(problem: OrbitProblem, segment: int, transition: int) -> float:
-    """Return the place where a segment, as last surveyed, passes the surface of a transition whose condition is near 0.
+    """Return the place where a segment, as last surveyed, meets the surface of a transition whose condition is near 0.
 
-    That is 1, the segment's end, where the segment does not pass the surface before.
+    That is 1 at the segment's end, whose event may be on the same surface.
     """
-    compiled, event, guard = problem.system.compiled, np.empty(2), np.empty(1)
+    system, event, guard = problem.system, np.empty(2), np.empty(1)
 
     def height(place: float) -> float:
-        compiled.call("event", transition, 0, problem.state_on(segment, place), problem.extended, event)
+        system.compiled.call("event", transition, 0, problem.state_on(segment, place), problem.extended, event)
         return float(event[0])
 
-    found = [(math.inf, 1.0)]
+    def condition(place: float) -> float:
+        state, at = problem.state_on(segment, place), len(system.modes) + transition
+        system.compiled.call("guard", at, 0, state, problem.extended, guard)
+        return abs(float(guard[0]))
+
     places = np.linspace(0.0, 1.0, _PLACES)
-    heights = [height(place) for place in places.tolist()]
-    for j in range(2, _PLACES - 1):
-        if heights[j - 1] * heights[j] < 0.0:
-            place = brentq(height, places[j - 1], places[j], xtol=1e-14)
-            state = problem.state_on(segment, place)
-            compiled.call("guard", len(problem.system.modes) + transition, 0, state, problem.extended, guard)
-            found.append((abs(float(guard[0])), place))
-    return min(found)[1]
+    heights = np.array([height(place) for place in places.tolist()])
+    passed = np.flatnonzero(heights[1:-2] * heights[2:-1] < 0.0) + 1
+    met = [brentq(height, places[j], places[j + 1], xtol=1e-14) for j in passed.tolist()]
+    end = problem.signature.transitions[segment]
+    if not met or (end >= 0 and system.transitions[end].event == system.transitions[transition].event):
+        met.append(1.0)
+    return float(min(met, key=condition))
 
 
 def _condition_size(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> float:

@@ -42,8 +42,9 @@ def joined(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
     old, following = problem.signature, (i + 1) % len(problem.signature)
     if following == i:
         return closed(problem, blocks[i], u)
-    rows = [(mode, end, block) for mode, end, block in zip(old.modes, old.transitions, blocks.copy(), strict=True)]
-    rows[i] = (old.modes[i], old.transitions[following], rows[i][2])
-    rows[i][2][problem.n] += blocks[following, problem.n]
+    whole = blocks[i].copy()
+    whole[problem.n] += blocks[following, problem.n]
+    rows = list(zip(old.modes, old.transitions, blocks, strict=True))
+    rows[i] = (old.modes[i], old.transitions[following], whole)
     del rows[following]
     return gathered(rows, old.turns)

@@ -52,7 +52,7 @@ def side_after(system, k, side, rate_before, ends, room):
     if rate * side > rounding:
         return side
     if -rate * side > rounding and rate_before * side < 0.0:
-        if not _turns_back(system, k, rate_before, rate, ends, room):
+        if not turns_back(system.addresses, n, system.p, k, (rate_before, rate), ends, room):
             return int64(0)
     elif not _touches_rate(system, k, ends, room):
         return int64(PASSES)
@@ -60,18 +60,21 @@ def side_after(system, k, side, rate_before, ends, room):
 
 
 @njit(**INNER)
-def _turns_back(system, k, rate_before, rate, ends, room):
-    """Whether the reset makes a larger rate before it a smaller one after it, by the states that it changes."""
-    y, event, addresses = room.y, room.event, system.addresses
-    for e in range(system.n):
+def turns_back(addresses, n, p, k, rates, ends, room):
+    """Whether the reset makes a larger rate before it a smaller one after it, by the states that it changes.
+
+    rates: those of the event function before and after the reset.
+    """
+    y, event = room.y, room.event
+    for e in range(n):
         y[e] = ends.landing[e]
         if ends.after[e] != y[e]:
             y[e] += _apart(ends.size[e])
-    call(addresses[EVENT_X], k, 0, y, 0, system.p, event, 0)
-    change = event[1] - rate_before
-    call(addresses[RESET], k, 0, y, 0, system.p, room.other, 0)
-    call(addresses[EVENT_X], k, 0, room.other, 0, system.p, event, 0)
-    return (event[1] - rate) * change < REVERSED * change * change
+    call(addresses[EVENT_X], k, 0, y, 0, p, event, 0)
+    change = event[1] - rates[0]
+    call(addresses[RESET], k, 0, y, 0, p, room.other, 0)
+    call(addresses[EVENT_X], k, 0, room.other, 0, p, event, 0)
+    return (event[1] - rates[1]) * change < REVERSED * change * change
 
 
 @njit(**INNER)

@@ -88,11 +88,11 @@ def margin(view, curve, k, head, transition, before, closed, room, found):
     level = curve.duration > BRIEF * view.period and top - bottom <= LEVEL * reach + 1e-14 * size
     passed = top < -small and view.directions[k] != 0 and view.surfaces[k] == BOUNDARY
     if not ends and not begins and (level or passed):
-        holds = held(view, curve, k, room.x, room.one)
-        if passed and holds == total + 1:
+        met = held(view, curve, k, room.x, room.one)
+        if passed and met == total + 1:
             bad |= BEYOND
         if level:
-            if holds > 0 and view.surfaces[k] != SECTION:
+            if met > 0 and view.surfaces[k] != SECTION:
                 distance = sign * height[0] if view.directions[k] == 0 else height[0]
                 found.margins[at] = distance if abs(distance) > ZERO * reach else 0.0
                 found.places[at] = WHOLE

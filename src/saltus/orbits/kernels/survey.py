@@ -80,7 +80,8 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         if kinds[i] != CUT_END:
             head, steps = i, int64(0)
         if piece.transition >= 0 and piece.kind != TOUCH_END:
-            bad |= together(view, piece, system.modes[i + 1 if i + 1 < segments else 0], curve, head, room, found)
+            following, rate = system.modes[i + 1 if i + 1 < segments else 0], found.rates[4 * i]
+            bad |= together(view, piece, following, curve, head, rate, room, found)
         if head < i or (i + 1 < segments and kinds[i + 1] == CUT_END):
             steps = _append(pointer(joined, 0), most // FINE + 2, curve, n, steps, i - head)
             if i + 1 < segments and kinds[i + 1] == CUT_END:
