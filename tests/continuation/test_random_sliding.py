@@ -16,7 +16,7 @@ from selection import guarding
 LARGEST = (None, 0.05, 0.2)
 SPAN = 0.6  # of the parameter, to either side
 MOMENT = 1e-6  # stay in a mode, over the period, below which it is the oracle's rounding
-TURNS = 13  # its branch goes to and fro between an AS and a GS
+HANGS = 89  # a sliding segment that ends at a two-fold: its branch takes a minute a step
 
 
 def modes_on(seed: int, orbit: saltus.PeriodicOrbit) -> tuple[str, ...] | None:
@@ -105,6 +105,6 @@ def beside(branch: saltus.Branch) -> set[int]:
     return rows
 
 
-@pytest.mark.parametrize("seed", guarding((*(s for s in range(23) if s != TURNS), 47, 95), 47, 95))
+@pytest.mark.parametrize("seed", guarding((s for s in range(110) if s != HANGS), 13, 47, 95))
 def test_random_branches_have_the_same_points_at_each_step_and_the_motions_of_scipy(seed):
     branches_of(seed, Counter())

@@ -319,7 +319,7 @@ def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
     if old.modes[previous] != old.modes[following]:
         return _skip(problem, blocks, i)
     if count == 2:
-        return closed(problem, blocks[previous], u)
+        return closed(problem, blocks, u, previous)
     whole_one = blocks[previous].copy()
     whole_one[problem.n] += blocks[following, problem.n]
     rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]

@@ -19,12 +19,12 @@ __all__ = ["Found", "closed", "gathered", "joined"]
 Found = tuple[Signature, "NDArray[np.float64]"]
 
 
-def closed(problem: OrbitProblem, block: NDArray[np.float64], u: NDArray[np.float64]) -> Found:
-    """Return a single segment without events, started at phase 0 where the system has a phase."""
+def closed(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> Found:
+    """Return segment `i` alone, without events, started at phase 0 where the system has a phase."""
     old, n = problem.signature, problem.n
     closing = CLOSED_END if problem.system.phase is None else PHASE_END
-    signature = Signature((old.modes[0],), (-1,), (closing,), old.turns)
-    row = block.copy()
+    signature = Signature((old.modes[i],), (-1,), (closing,), old.turns)
+    row = blocks[i].copy()
     if closing == PHASE_END:
         row[:n] = problem.survey(u).x0
     return signature, row[None, :]
@@ -41,7 +41,7 @@ def joined(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
     """Return the signature in which segment `i` and the next one, which continues it, are one."""
     old, following = problem.signature, (i + 1) % len(problem.signature)
     if following == i:
-        return closed(problem, blocks[i], u)
+        return closed(problem, blocks, u, i)
     whole = blocks[i].copy()
     whole[problem.n] += blocks[following, problem.n]
     rows = list(zip(old.modes, old.transitions, blocks, strict=True))

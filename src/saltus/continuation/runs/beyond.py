@@ -83,7 +83,10 @@ def switched(found: Neighbour, old: Point, equations: Equations) -> Beyond | str
             control = StepControl(initial=probe, smallest=probe / 4, largest=probe)
             trial = follow(branch, start, control, log=[])
             item = next(trial)
-            if isinstance(item, Point) and _beyond_changes(branch.problem, item):
+            # where the parameter rests at the change its direction there is rounding: a step back to it is none
+            if not isinstance(item, Point) or _way(item, old) < _way(point, old) - 0.1 * probe:
+                continue
+            if _beyond_changes(branch.problem, item):
                 item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                 return branch, item
     return "no admissible orbit beyond it"
@@ -176,6 +179,11 @@ def turns_back(points: Sequence[tuple[OrbitZeroProblem, Point]], beyond: Point) 
         return False
     onward = float(way[np.abs(way) > _RESTS * np.abs(way).max()][-1])
     return float(beyond.tangent[-1]) * onward < 0.0
+
+
+def _way(point: Point, old: Point) -> float:
+    """Return how far the parameter of a point is from that of another one."""
+    return abs(point.parameter - old.parameter)
 
 
 def _ranges(point: Point, count: int) -> NDArray[np.float64]:
