@@ -262,7 +262,7 @@ class OrbitProblem:
             known[resting] = top
             self._largest[resting] = 100.0 * top
             self.state_scale[: sizes.size] = known
-            self._nearest = nearest_to_zero(survey.lows[: sizes.size], survey.highs[: sizes.size])
+            self._nearest = nearest_to_zero(self, survey)
             self._set_absolute_tolerance()
             self._largest = np.maximum(self._largest, sizes)
 

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
     from saltus.system import HybridSystem
 
-_NEAR_ZERO = 1e-3  # least modulus of a state that keeps its sign, over its largest one, from which nothing is asked
-_NEAREST = 1e-12  # the least that is asked for
 __all__ = ["RESTING", "at_rest", "nearest_to_zero", "sizes_nearby"]
 
 RESTING = 1e-9  # size of a state, over the largest one's, below which it rests at zero unless another one moves it
 _NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
+_NEAR_ZERO = 1e-3  # least modulus of a state that keeps its sign, over its largest one, from which nothing is asked
+_NEAREST = 1e-12  # the least that is asked for
 _NOTHING = 1e-13  # size of an orbit above which it is no rounding of 0
 
 
@@ -27,6 +27,8 @@ class Equations(Protocol):
 
     system: HybridSystem
     active: Sequence[int]
+    modes: NDArray[np.int64]
+    extended: NDArray[np.float64]
     state_scale: NDArray[np.float64]
     size: int
     segments: int
@@ -94,11 +96,23 @@ def _at_origin(problem: Equations, u: NDArray[np.float64], size: float) -> bool:
     return bool(np.max(np.abs(gaps)) <= _NEARBY * size)
 
 
-def nearest_to_zero(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> float:
-    """Return how near a state comes to 0 that keeps its sign, over its largest modulus; 1 where none comes near."""
-    keeps = np.sign(lows) * np.sign(highs) > 0.0
-    if not np.any(keeps):
-        return 1.0
-    ends = np.abs(np.stack([lows[keeps], highs[keeps]]))
-    share = float(np.min(ends.min(axis=0) / ends.max(axis=0)))
-    return 1.0 if share > _NEAR_ZERO else max(share, _NEAREST)
+def nearest_to_zero(problem: Equations, survey: Survey) -> float:
+    """Return how near states come to 0 that can grow from nothing but themselves, over their largest moduli.
+
+    Their zeros are an invariant plane, as of populations. Answered with 1 where none comes near.
+    """
+    count = len(problem.system.states)
+    lows, highs = survey.lows[:count], survey.highs[:count]
+    ends = np.abs(np.stack([lows, highs]))
+    shares = ends.min(axis=0) / np.maximum(ends.max(axis=0), 1e-300)
+    near = (np.sign(lows) * np.sign(highs) > 0.0) & (shares < _NEAR_ZERO)
+    x, slope = np.zeros(problem.n), np.empty(problem.n)
+    pushed = near.copy()
+    while np.any(near) and np.any(pushed):
+        x[:count] = np.where(near, 0.0, lows)
+        pushed[:] = False
+        for mode in dict.fromkeys(problem.modes.tolist()):
+            problem.system.compiled.call("field", mode, 0, x, problem.extended, slope)
+            pushed |= near & (slope[:count] != 0.0)
+        near &= ~pushed
+    return max(float(np.min(shares, where=near, initial=1.0)), _NEAREST)
