@@ -229,9 +229,18 @@ def test_jumps_do_not_depend_on_how_wide_the_range_is(lever, curve, tune):
 def test_a_tip_that_is_pressed_into_a_sample_without_attraction_is_not_pulled_in():
     probe = afm.Probe(k_N_m=0.05, f0_kHz=3.0, Q=2.0, R_nm=2000.0)
     system = afm.model(probe, afm.Hertz(E_GPa=1e-5), afm.Drive(A0_nm=50.0), Zc_nm=100.0)
-    assert afm.distance_curve(system, (-200.0, 60.0)).ways[0].stopped == (
-        "Zc_nm = -53.1736086: beyond, the tip stays in contact"
-    )
+    curve = afm.distance_curve(system, (-200.0, 60.0))
+    assert curve.ways[0].stopped == "Zc_nm = -200: the end of the range; the tip stays in contact"
+    (sheet,) = curve.branches
+    assert [point.type for point in sheet.special_points] == ["GR", "GR"]
+    places = [point.value("Zc_nm") for point in sheet.special_points]
+    np.testing.assert_allclose(places, [-53.1736086174, 50.0], atol=1e-9)
+    for place, mode in ((-53.3, "contact"), (-53.0, "far")):
+        (orbit,) = curve.at(place)
+        settled = saltus.find_orbit(system, {"Zc_nm": place}, [0.0, 0.0])
+        assert mode in {part.mode for part in settled.segments}
+        assert len(orbit.segments) == len(settled.segments)
+        np.testing.assert_allclose(orbit.lows[:2], settled.lows[:2], rtol=1e-8)
 
 
 def test_a_place_that_is_no_number_is_told(curve):

@@ -9,7 +9,7 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.problems.grazing import Neighbour, vanishing
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import MEAN_END
+from saltus.orbits.solve import laid_on
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,8 +51,17 @@ def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float6
         return "AS"
     if before or after:
         return "SS"
-    starts_on_its_event = monitor.kind == "duration" and problem.signature.kinds[monitor.segment] == MEAN_END
-    return "GR" if (touches or starts_on_its_event) and around[1] == around[2] else "BC"
+    return "GR" if (touches or _starts_on_its_event(problem, monitor, u)) and around[1] == around[2] else "BC"
+
+
+def _starts_on_its_event(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
+    """Return whether a segment whose duration vanishes starts on the surface on which it ends."""
+    if monitor.kind != "duration":
+        return False
+    i, n, ends = monitor.segment, problem.n, problem.signature.transitions
+    if ends[i - 1] < 0 or ends[i] < 0:
+        return False
+    return laid_on(problem, ends[i - 1], ends[i], np.ascontiguousarray(u[i * (n + 1) : i * (n + 1) + n]))
 
 
 def _born(
