@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
+from saltus.flow.radau import worth
 from saltus.flow.sticking import sticking_surface
 from saltus.system.filippov import lines_of
 from saltus.system.parts import NOWHERE, at_phases
@@ -27,6 +28,8 @@ _BUDGET = 1 << 16  # steps of one call of the kernel
 _MOST = np.iinfo(np.int64).max  # a count that is never reached
 _WATCHED = 2048  # steps tried between two looks at whether a motion sticks
 _HUGE = 1e250  # value beyond which an event function is not finite: sums of some of its values overflow
+_CHOSEN = 500  # steps tried between two looks at whether stability limits them
+_FAST = 2.5  # step, times the rate of the fastest decay, from which on stability limits explicit ones: it may reach 6
 _LOOKS = 3  # looks in a row at which a motion that sticks is held
 
 
@@ -96,9 +99,11 @@ class EventDrivenMotion:
         rows = [[index[t.source], index[t.target], t.direction] for t in system.transitions]
         self.transitions = np.array(rows, dtype=np.int64).reshape(len(rows), 3)
         self.offset = max(float(x[-1]), 0.0) if self.rate > 0.0 else 0.0
-        self._room = math.inf if room is None else room
-        self.most_steps, self.budget, self._watched, self._looks = most_steps, 2 * _WATCHED, 0, 0
-        self.slopes, self.size = np.zeros(16 * n), np.abs(x)
+        self._room, self._chosen, self._chosen_at = math.inf if room is None else room, 0, 0.0
+        self.most_steps, self.budget, self._watched, self._looks = most_steps, _CHOSEN, 0, 0
+        # the time of an explicit step before implicit ones, and the steps behind which these are thought of again
+        self._implicit, self._explicit, self._again = False, 0.0, math.inf if compiled.rooted.any() else 0.0
+        self.slopes, self.size, self._guess = np.zeros(16 * n), np.abs(x), np.zeros(14 * n)
         if system.phase is not None:
             self.size[-1] = _TWO_PI
         self.numbers = np.zeros(kernels.N_NUMBERS)
@@ -124,14 +129,23 @@ class EventDrivenMotion:
             kernels.System(
                 self.addresses, self.transitions, _clocks(system), _opposites(system), self.p, self.rate, *counts
             ),
-            kernels.Tolerances(self.rtol, self.atol),
+            kernels.Tolerances(self.rtol, self.atol, *self._ways),
             kernels.State(
                 self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
-                self.first_steps,
+                self.first_steps, self._guess,
             ),
             kernels.Steps(len(self.step_buffers[0]), *self.step_buffers),
             kernels.Events(len(self.event_buffers[0]), *self.event_buffers),
         )  # fmt: skip
+
+    @property
+    def _ways(self) -> tuple[int, int, int]:
+        """Addresses of implicit steps, of parts of them, and of those with a frame; 0 where steps are explicit."""
+        if not self._implicit:
+            return 0, 0, 0
+        from saltus.flow.kernels import implicit_motion as kernels
+
+        return kernels.attempt.address, kernels.within.address, kernels.carry.address
 
     def _start_sides(self, mode: int) -> NDArray[np.int64]:
         """Known side of each event, which counts if the motion starts on its surface.
@@ -213,7 +227,12 @@ class EventDrivenMotion:
         DivergenceError
             An event function is not finite.
         """
-        if self.tries - self._watched >= _WATCHED:
+        if self.tries - self._chosen >= _CHOSEN:
+            self._choose_steps()
+            self._chosen, self._chosen_at = self.tries, self.time
+        if self.tries - self._watched < _WATCHED:
+            self.budget = max(self.budget, _WATCHED)
+        else:
             self._watched = self.tries
             surface = self._sticks_on()
             self._looks = self._looks + 1 if surface is not None else 0
@@ -224,6 +243,24 @@ class EventDrivenMotion:
                 raise self._sticking(surface)
         if self.most_steps is not None and self.tries > self.most_steps and not self._looks:
             raise StiffnessError(self.time, self.x, self.system.mode_names[self.mode], self.tries)
+
+    def _choose_steps(self) -> None:
+        """Go on by implicit steps where stability limits explicit ones; go back where they are not worth their time."""
+        if self.tries < self._again:
+            return
+        pace = (self.time - self._chosen_at) / (self.tries - self._chosen)
+        if self._implicit:
+            self._implicit = pace > worth(self.x.size) * self._explicit
+            self._again = 0.0 if self._implicit else 2.0 * self.tries
+        else:
+            J = self.system.compiled.linearised(self.mode, self.x, self.p)[1]
+            if not np.all(np.isfinite(J)):
+                return
+            decay = -float(np.linalg.eigvals(J).real.min(initial=0.0))
+            self._implicit = float(self.numbers[self.kernels.STEP_BEFORE]) * decay > _FAST
+            self._explicit = pace
+        self.addresses = self.system.compiled.addresses if self._implicit else self.system.compiled.motion
+        self.__dict__.pop("records", None)
 
     def _sticking(self, surface: str) -> StickingError:
         """Return the error of a motion that a jump of its field holds."""

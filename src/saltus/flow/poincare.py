@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import InputError
+from saltus.errors import InputError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, check_tolerances, start_state
 from saltus.flow.starting import domain_value, passed_event
 from saltus.flow.taylor import ORDER, STEPS_A_RETURN, TaylorRun
@@ -94,9 +95,10 @@ def iterate(
     series = system.series(ORDER)
     if series is not None:
         motion = TaylorRun(system, series, p, start_state(system, x), mode, transitions, *tolerance)
-        states, modes, times = motion.follow(discard, keep, longest)
-        x_end = frozen(motion.x[:-1])
-        return PoincareReturns(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
+        with suppress(StiffnessError):  # a stiff motion is followed by implicit steps below
+            states, modes, times = motion.follow(discard, keep, longest)
+            x_end = frozen(motion.x[:-1])
+            return PoincareReturns(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
     most = STEPS_A_RETURN * max(discard + keep, 1)
     run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, most_steps=most)
     log = _to_phase_zero(run, discard, keep) if section is None else _to_events(run, section, discard, keep)

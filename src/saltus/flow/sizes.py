@@ -79,14 +79,22 @@ def sizes_from(
     mode: int,
     states: NDArray[np.float64],
     time: float,
+    mean: NDArray[np.float64] | None = None,
 ) -> Sizes:
-    """Return how large states are, shape (m, all states), which a motion has passed in a time; it is at x now."""
+    """Return how large states are, shape (m, all states), which a motion has passed in a time; it is at x now.
+
+    mean: (all states,), their mean moduli over time where these are known. A state keeps the rounding of its rate no
+    longer than it takes to decay by itself.
+    """
     size = np.max(np.abs(states), axis=0)
     size[system.angle_places] = np.minimum(size[system.angle_places], math.pi)  # however often it turned
     top = max(float(size.max()), 1e-300)
     compiled = system.compiled
-    J = np.abs(compiled.linearised(mode, x, compiled.extended(p))[1])
-    rounding = EPSILON * time * (np.where(np.isfinite(J), J, 0.0) @ size)
+    J = compiled.linearised(mode, x, compiled.extended(p))[1]
+    rates = np.where(np.isfinite(J), J, 0.0)
+    kept = np.minimum(time, 1.0 / np.maximum(-np.diag(rates), 1e-300))
+    usual = size if mean is None else np.minimum(size, 2.0 * mean)
+    rounding = EPSILON * kept * (np.abs(rates) @ usual)
     size = np.maximum(size, rounding / ATOL)
     size[size == 0.0] = top
     return Sizes(size, np.maximum(size, _TOLD * rounding))

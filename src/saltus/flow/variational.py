@@ -205,12 +205,12 @@ def _run_rows(
     places[kernels.LIVE] = frame.shape[1]
     logs, ends = np.zeros((row_times.size, frame.shape[1])), np.zeros(row_times.size)
     rows = kernels.Rows(row_times, row_wraps, logs, ends)
-    laws, tolerances, *buffers = run.records
-    laws = laws._replace(addresses=run.system.compiled.addresses)  # derivatives too
     again, done = run.kernels.AGAIN, run.kernels.DONE
     status, longest, stiff = again, 0.0, 0
     while status == again:
         tries, time = run.tries, run.time
+        laws, tolerances, *buffers = run.records
+        laws = laws._replace(addresses=run.system.compiled.addresses)  # derivatives too
         status = kernels.growth_kernel(laws, tolerances, run.budget, *buffers, rows, frame, places)
         if status == again:
             run.watch()

@@ -35,6 +35,7 @@ __all__ = [
     "held",
     "in_shares",
     "piece_maps",
+    "started_elsewhere",
     "stretched",
     "whole",
 ]
@@ -42,6 +43,8 @@ __all__ = [
 STRETCHED = 1e3  # growth of a sensitivity over a piece, in the states' units, at which an orbit is cut
 TAUT = 30.0  # growth above which a piece is cut again once any is
 _SLACK = 1e-4  # contraction below which a piece is cut again once any is
+_TAME = 3.0  # growth up to which a start is good enough
+_PLACES = 12  # places on an orbit, at equal times, at which it may start
 _FOLLOWED = 1e6  # growth over a piece up to which Newton's method leads from such a guess to the orbit
 MOST_PIECES = 128  # pieces of an orbit, beyond which its equations would be larger than they are worth
 
@@ -125,6 +128,27 @@ def cut(
         problem, u = finer, moved
         J = problem.evaluate(u)[1]
     return problem, u
+
+
+def started_elsewhere(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]] | None:
+    """Return equations and unknowns of a closed smooth orbit that starts where a change of the start grows least.
+
+    A stiff orbit magnifies a change of some of its states, as before a jump, and forgets that of others at once. None
+    where the orbit magnifies a change of each of them too much.
+    """
+    if problem.signature.kinds != (CLOSED_END,) or float(_growth(problem, problem.evaluate(u)[1]).max()) <= _TAME:
+        return None
+    n, best, least = problem.n, None, TAUT
+    problem.survey(u)
+    for i in range(1, _PLACES):
+        there = u.copy()
+        there[:n] = problem.state_on(0, clustered(i / _PLACES))
+        moved = _alike(problem, u, problem.signature)
+        if moved.start(there) is None and (growth := float(_growth(moved, moved.evaluate(there)[1]).max())) < least:
+            best, least = (moved, there), growth
+        if least <= _TAME:
+            break
+    return best
 
 
 def held(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]] | None:

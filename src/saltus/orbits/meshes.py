@@ -1,4 +1,4 @@
-"""Meshes of an orbit's segments: made for its states, halved, and whether stability limits their steps."""
+"""Meshes of an orbit's segments: made for its states, by explicit or implicit steps, and halved."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.flow.radau import worth
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
     from saltus.system.compiled import Compiled
 
-__all__ = ["adapted", "decays", "halved", "limited_by_stability", "steady"]
+__all__ = ["FEW", "adapted", "decays", "halved", "implicit_steps", "steady"]
 
+FEW = 500  # explicit steps of a segment up to which implicit ones are not tried
 _FEW_STEPS = 1 << 12  # of a mesh that is tried before there is room for as many as may be
-_SAMPLED = 40  # steps of a segment that are looked at to see whether the flow is stiff
-_FAST = 2.0  # step, times the rate of the fastest decay, from which on stability limits it: it may reach 6
 _STEADY = 3.0  # longest step, times the rate of the fastest decay, in which decayed states stay small
 _MOST_PARTS = 100_000  # parts of a step at most; a faster decay is left to the errors of steps
 _SLOW = 30.0  # decay over a segment up to which no mesh is too coarse for it
-_MANY = 0.3  # share of such steps with which a flow is stiff
 
 
 def adapted(
@@ -30,8 +30,12 @@ def adapted(
     blocks: NDArray[np.float64],
     p: NDArray[np.float64],
     tolerances: tuple[float, float],
-) -> list[NDArray[np.float64]] | int:
+    implicit: bool,
+) -> tuple[list[NDArray[np.float64]], bool] | int:
     """Return each segment's mesh, its steps as long as the tolerances allow; a segment that cannot be followed.
+
+    With the meshes comes whether they are those of implicit steps, which a stiff flow is followed by. They are tried
+    where explicit ones are many, and taken where they cost less time.
 
     Parameters
     ----------
@@ -43,21 +47,46 @@ def adapted(
         Extended parameters.
     tolerances : (float, float)
         Relative and absolute.
+    implicit : bool
+        Whether explicit steps are not tried.
     """
-    from saltus.flow.kernels import segment as segment_kernels
+    from saltus.flow.kernels import implicit_segment as implicit_kernels, segment as segment_kernels
 
-    meshes = []
-    for index, (mode, block) in enumerate(zip(modes, blocks, strict=True)):
-        x, duration = np.ascontiguousarray(block[:-1]), block[-1]
-        for most in (_FEW_STEPS, segment_kernels.MOST_STEPS + 1):
-            mesh = np.empty(most)
-            count = segment_kernels.adapt(compiled.addresses, mode, x, duration, p, *tolerances, mesh)
-            if count >= 0:
-                break
-        if count < 0:
-            return index
-        meshes.append(mesh[: count + 1].copy())
-    return meshes
+    def made(adapt: Callable[..., int], most: int) -> list[NDArray[np.float64]] | int:
+        meshes = []
+        for index, (mode, block) in enumerate(zip(modes, blocks, strict=True)):
+            x, mesh = np.ascontiguousarray(block[:-1]), np.empty(most + 1)
+            count = adapt(compiled.addresses, mode, x, block[-1], p, *tolerances, mesh)
+            if count < 0:
+                return index
+            meshes.append(mesh[: count + 1].copy())
+        return meshes
+
+    explicit: list[NDArray[np.float64]] | int = 0
+    if not implicit:
+        explicit = made(segment_kernels.adapt, _FEW_STEPS)
+        if not isinstance(explicit, int) and max(map(len, explicit)) <= FEW:
+            return explicit, False
+    room = float(segment_kernels.MOST_STEPS)
+    if not compiled.rooted[modes].any():
+        meshes = made(implicit_kernels.adapt, _FEW_STEPS)
+        if not isinstance(meshes, int):
+            room = min(room, worth(compiled.n) * max(map(len, meshes)))
+            if implicit or (not isinstance(explicit, int) and max(map(len, explicit)) > room):
+                return meshes, True
+            if isinstance(explicit, int):
+                explicit = made(segment_kernels.adapt, int(room))
+            return (meshes, True) if isinstance(explicit, int) else (explicit, False)
+    if isinstance(explicit, int):
+        explicit = made(segment_kernels.adapt, int(room))
+    return explicit if isinstance(explicit, int) else (explicit, False)
+
+
+def implicit_steps() -> NDArray[np.int64]:
+    """Return addresses of the flow by implicit steps, its dense output and its variations, shape (3,)."""
+    from saltus.flow.kernels import implicit_segment as kernels
+
+    return np.array([way.address for way in (kernels.flow, kernels.dense, kernels.vary)])
 
 
 def decays(
@@ -93,31 +122,3 @@ def steady(mesh: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
 def halved(mesh: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a mesh with each step cut in half."""
     return np.interp(np.arange(2 * mesh.size - 1) / 2.0, np.arange(mesh.size), mesh)
-
-
-def limited_by_stability(
-    compiled: Compiled,
-    modes: NDArray[np.int64],
-    durations: NDArray[np.float64],
-    meshes: Sequence[NDArray[np.float64]],
-    nodes: Sequence[NDArray[np.float64]],
-    p: NDArray[np.float64],
-) -> bool:
-    """Whether many steps are as long as the fastest decay along them allows an explicit method.
-
-    Parameters
-    ----------
-    modes, durations : ndarray, shape (segments,)
-        Where the segments run, and how long.
-    meshes, nodes : sequence of ndarray
-        Each segment's mesh, and the states on it, shape (node, n).
-    p : ndarray
-        Extended parameters.
-    """
-    near = []
-    for mode, duration, grid, states in zip(modes, durations, meshes, nodes, strict=True):
-        for k in np.unique(np.linspace(0, grid.size - 2, _SAMPLED).astype(int)):
-            length = duration * 6.0 * grid[k] * (1.0 - grid[k]) * (grid[k + 1] - grid[k])
-            J = compiled.linearised(int(mode), states[k], p)[1]
-            near.append(np.all(np.isfinite(J)) and length * max(-np.linalg.eigvals(J).real) > _FAST)
-    return bool(np.mean(near) > _MANY)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import ConvergenceError
-from saltus.orbits.meshes import adapted, decays, halved, limited_by_stability, steady
+from saltus.orbits.meshes import FEW, adapted, decays, halved, implicit_steps, steady
+from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of
 from saltus.orbits.resting import at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
@@ -29,9 +30,7 @@ _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jaco
 
 _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
 _MOST_SLIDING = 20_000  # steps of an orbit that slides, beyond which it comes too near to a two-fold
-_FEW = 500  # steps of a segment below which stability does not limit them
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
-_OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
 _FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
 _UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved: they may be unstable
 _REMESHED = 12  # most times that the meshes of one orbit are moved
@@ -89,10 +88,10 @@ class OrbitProblem:
         self._atol = self.tol
         self._nearest = 1.0
         self._worst = 0.0
-        self.stiff = False
+        self.stiff, self._looked = False, 0
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
-        self.record = tuple(
+        self._orbit = tuple(
             Orbit(
                 functions=self._functions,
                 n=self.n,
@@ -105,6 +104,7 @@ class OrbitProblem:
                 active=self._active,
                 scales=self.scales,
                 angles=self.system.angle_places,
+                implicit=np.zeros(3, dtype=np.int64),
             )
         )
         events = events_of(self.system)
@@ -113,6 +113,11 @@ class OrbitProblem:
         self._dense = np.empty(0), np.empty(0)
         self._decays = [0.0] * self.segments
         self._errors = np.zeros(0)
+
+    @property
+    def record(self) -> tuple[Any, ...]:
+        """The fields of `Orbit`, for kernels."""
+        return (*self._orbit[:-1], implicit_steps()) if self.stiff else self._orbit
 
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all parameters, shape (parameters,), where the unknowns are `u`."""
@@ -141,10 +146,9 @@ class OrbitProblem:
             self.state_scale[-1] = 2.0 * math.pi
         self._set_absolute_tolerance()
         self._decays = decays(self.system.compiled, self.modes, blocks, self.extended)
-        meshes = self._adapted(blocks)
-        if isinstance(meshes, int):
-            return meshes
-        self._use(meshes)
+        self.stiff = False
+        if (blocked := self._adapt(u)) is not None:
+            return blocked
         self._shares = np.abs(blocks[:, self.n]) / max(float(np.abs(blocks[:, self.n]).sum()), 1e-300)
         self.begun = survey = self.survey(u)
         self.rescale(survey)
@@ -160,9 +164,18 @@ class OrbitProblem:
         least = float(self.state_scale.min())
         self._atol = self.tol * max(min(1.0, least), _ABOVE_ROUNDING * least) * self._nearest
 
-    def _adapted(self, blocks: NDArray[np.float64]) -> list[NDArray[np.float64]] | int:
-        """Return each segment's mesh, its steps as long as the tolerance allows; a segment that cannot be followed."""
-        return adapted(self.system.compiled, self.modes, blocks, self.extended, (self.tol, self._atol))
+    def _adapt(self, u: NDArray[np.float64]) -> int | None:
+        """Make meshes with steps as long as the tolerance allows, implicit ones where the flow is stiff.
+
+        A segment that cannot be followed is returned.
+        """
+        blocks, tolerances = u[: self.size].reshape(self.segments, self.n + 1), (self.tol, self._atol)
+        found = adapted(self.system.compiled, self.modes, blocks, self.extended, tolerances, self.stiff)
+        if isinstance(found, int):
+            return found
+        meshes, self.stiff = found
+        self._use(meshes)
+        return None
 
     def kept(self) -> dict[str, Any]:
         """Return the meshes and sizes, for `take`."""
@@ -186,27 +199,16 @@ class OrbitProblem:
     def fix_phase(self, u: NDArray[np.float64], survey: Survey) -> None:
         """Lay the plane of the phase condition through the start of the orbit `u`, across the flow.
 
-        The plane holds the orbit's centre, unless the flow would cross it at a small angle: a cycle that shrinks to its
-        centre keeps the angle. Angles are those of states in units of their sizes. The normal is of such a length that
-        `facing` is 1.
+        The plane is that of `normal_across`, in units of the states' sizes. Its `facing` is 1.
         """
         if not self.slides:
             return
-        slope = self.flow_at_start(u) / self.state_scale
-        slope /= max(float(np.linalg.norm(slope)), 1e-300)
-        outwards = (u[: self.n] - 0.5 * (survey.lows[: self.n] + survey.highs[: self.n])) / self.state_scale
-        outwards /= max(float(np.linalg.norm(outwards)), 1e-300)
-        normal = slope - float(slope @ outwards) * outwards
-        if not float(normal @ normal) > _OBLIQUE**2:
-            normal = slope
-        normal /= max(float(slope @ normal), 1e-300)
+        outwards = u[: self.n] - 0.5 * (survey.lows[: self.n] + survey.highs[: self.n])
+        normal = normal_across(self.flow_at_start(u) / self.state_scale, outwards / self.state_scale)
         self._anchor = np.concatenate([u[: self.n], normal / self.state_scale])
 
     def facing(self, u: NDArray[np.float64]) -> float:
-        """Return how steeply the flow crosses the phase condition's plane, in units of that at the plane's point.
-
-        It is 1 there, and without a plane; at 0 the flow is tangent to the plane.
-        """
+        """Return how steeply the flow crosses the phase condition's plane, over that at its point; 1 without one."""
         if not self.slides:
             return 1.0
         slope = self.flow_at_start(u)
@@ -267,7 +269,8 @@ class OrbitProblem:
             self._largest = np.maximum(self._largest, sizes)
 
     def _use(self, meshes: list[NDArray[np.float64]]) -> None:
-        meshes = [steady(mesh, decay) for mesh, decay in zip(meshes, self._decays, strict=True)]
+        if not self.stiff:
+            meshes = [steady(mesh, decay) for mesh, decay in zip(meshes, self._decays, strict=True)]
         places = np.concatenate(meshes)
         starts = np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
         self.mesh = places, starts
@@ -289,38 +292,25 @@ class OrbitProblem:
     def prepare(self, u: NDArray[np.float64]) -> None:
         """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be.
 
-        Steps of a stiff flow are as short as their stability demands, not their errors; they are made anew for `u`.
+        Those of a stiff flow, whose fast layers move through their steps, are made anew for `u`.
         """
-        if not self.stiff:
+        if self.stiff:
+            self.set_parameters(u)
+            self._adapt(u)
+        elif not self.stabilise(u):
             self._move(1.0)
-        elif not isinstance(meshes := self._adapted(u[: self.size].reshape(self.segments, self.n + 1)), int):
-            self._use([halved(mesh) for mesh in meshes])
 
     def stabilise(self, u: NDArray[np.float64]) -> bool:
-        """Make meshes anew where the flow is stiff, steps cut in half for the orbits near `u`; return whether."""
-        if self.steps < _FEW * self.segments:
+        """Go on by implicit steps where explicit ones have become many and cost more; return whether they are new."""
+        if self.stiff or self.steps < max(FEW * self.segments, 2 * self._looked):
             return False
         self.set_parameters(u)
-        meshes = self._adapted(u[: self.size].reshape(self.segments, self.n + 1))
-        if isinstance(meshes, int):
-            from saltus.flow.kernels import segment as segment_kernels
-
-            self.stiff = self.stiff or 2 * self.steps > segment_kernels.MOST_STEPS
-            return False
-        if not self.stiff:
-            self._use(meshes)
-            self.survey(u)
-            places, starts, nodes, _ = self.dense()
-            self.stiff = limited_by_stability(
-                self.system.compiled, self.modes, u[self.n : self.size : self.n + 1],
-                np.split(places, starts[1:-1]), np.split(nodes, starts[1:-1]), self.extended,
-            )  # fmt: skip
-        if self.stiff:
-            self._use([halved(mesh) for mesh in meshes])
+        self._adapt(u)
+        self._looked = self.steps
         return self.stiff
 
     def _move(self, limit: float) -> bool:
-        if not self._worst <= _UNSTABLE and self.steps < _FEW * self.segments:
+        if not self._worst <= _UNSTABLE and self.steps < FEW * self.segments:
             self._use([halved(mesh) for mesh in np.split(self.mesh[0], self.mesh[1][1:-1])])
             return False
         fine, fresh, counts = self._meshes.remesh(*self.mesh, self._errors, limit)
@@ -332,15 +322,23 @@ class OrbitProblem:
         return bool(fine)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the residual, shape (size,), and the Jacobian, shape (size, size + active)."""
+        """Return the residual, shape (size,), and the Jacobian, shape (size, size + active).
+
+        The meshes of a stiff flow are made anew for `u` where they do not fit it.
+        """
         m = self.size
         if self._slides and self.steps > _MOST_SLIDING:
             return np.full(m, np.nan), np.full((m, m + self._active.size), np.nan)
         F, J = np.empty(m), np.empty((m, m + self._active.size))
-        self._worst = self.equations.equations(
-            self.record, self.mesh, (self._anchor, self._shares), (self.tol, self._atol), u, F, J, self._errors
-        )
+        self._evaluate(u, F, J)
+        coarse = self.stiff and not self._worst <= self._meshes.FINEST
+        if coarse and np.all(np.isfinite(u)) and self._adapt(u) is None:
+            self._evaluate(u, F, J)
         return F, J
+
+    def _evaluate(self, u: NDArray[np.float64], F: NDArray[np.float64], J: NDArray[np.float64]) -> None:
+        tolerances, phase = (self.tol, self._atol), (self._anchor, self._shares)
+        self._worst = self.equations.equations(self.record, self.mesh, phase, tolerances, u, F, J, self._errors)
 
     def resolve(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what `evaluate` does, on meshes moved until they are fine enough for the sensitivities, too.
@@ -366,7 +364,7 @@ class OrbitProblem:
         """
         from saltus.orbits.kernels import second as second_kernels
 
-        if self.system.compiled.rooted[self.modes].any():
+        if self.stiff or self.system.compiled.rooted[self.modes].any():
             return self._differences(u, v)
         self.set_parameters(u)
         compiled = self.system.second(tuple(self._active.tolist()))
@@ -376,7 +374,7 @@ class OrbitProblem:
         return S
 
     def _differences(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivative of the Jacobian times `v` by differences, where roots leave no second derivatives."""
+        """Return the derivative of the Jacobian times `v` by differences: with roots, and by implicit steps."""
         sizes = np.append(np.tile(np.append(self.state_scale, np.inf), self.segments), np.ones(len(self.active)))
         step = _STEP / max(float(np.max(np.abs(v) / sizes)), 1e-300)
         near, far = (self.evaluate(u + k * step * v)[1] - self.evaluate(u - k * step * v)[1] for k in (1.0, 2.0))

@@ -79,9 +79,9 @@ def follow(
 
 def sizes_of(system: HybridSystem, p: NDArray[np.float64], seen: Stretch) -> Sizes:
     """Return how large states are along a stretch whose steps were kept."""
-    return sizes_from(
-        system, p, seen.log.x_end, seen.log.mode_end, seen.states, 30.0 * seen.log.t_end / max(seen.tries, 1)
-    )
+    time, weights = 30.0 * seen.log.t_end / max(seen.tries, 1), np.gradient(seen.times)
+    mean = weights @ np.abs(seen.states) / weights.sum()
+    return sizes_from(system, p, seen.log.x_end, seen.log.mode_end, seen.states, time, mean)
 
 
 def rest_of(

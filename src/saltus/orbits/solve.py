@@ -14,7 +14,7 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.flow.sticking import check_continuous
 from saltus.maps import MapOrbit
 from saltus.maps.solve import solve_map_orbit
-from saltus.orbits.cuts import check_measured, cut, held, piece_maps, stretched
+from saltus.orbits.cuts import check_measured, cut, held, piece_maps, started_elsewhere, stretched
 from saltus.orbits.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.floquet import nontrivial
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.unfolding import UnfoldedEquations
 
-__all__ = ["check_fields", "check_tol", "converge", "laid_on", "settle_signature", "solve_orbit", "solve_unknowns"]
+__all__ = ["check_fields", "check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
 
 _ON = 1e-8  # event function, over its variation with the states' sizes, up to which a state lies on the surface
 _ALONG = 1e-4  # part of a gradient across another one, over its length, up to which the two are parallel
@@ -210,6 +210,8 @@ def converge(
     problem = OrbitProblem(system, signature, p, tol=tol)
     given, first = u, problem
     try:
+        if problem.start(u) is None and problem.stiff:
+            first, given = problem, u = started_elsewhere(problem, u) or (problem, u)
         u, J = solve_unknowns(problem, given)
         chosen, turned = settle_signature(problem, u)
         if chosen != signature:
@@ -405,13 +407,13 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
     transitions = np.roll(signature.transitions, -first)
     kinds = [EVENT_END]
     for i, block in enumerate(blocks[1:]):
-        laid = laid_on(problem, int(transitions[i]), int(transitions[i + 1]), np.ascontiguousarray(block[:n]))
+        laid = _laid_on(problem, int(transitions[i]), int(transitions[i + 1]), np.ascontiguousarray(block[:n]))
         kinds.append(MEAN_END if laid else EVENT_END)
     chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
     return chosen, blocks.ravel()
 
 
-def laid_on(problem: OrbitProblem, before: int, own: int, x: NDArray[np.float64]) -> bool:
+def _laid_on(problem: OrbitProblem, before: int, own: int, x: NDArray[np.float64]) -> bool:
     """Return whether a transition lays a motion, which goes on from the full state x, on the surface of another one.
 
     A motion that leaves a sliding mode is on the surface of its next event, but not since the sliding mode's end says

@@ -9,12 +9,13 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.problems.grazing import Neighbour, vanishing
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.solve import laid_on
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["type_of_change"]
+
+_SLOW = 1e-6  # velocity at which an event is met, over that of a motion across the state's size in a period, at a GR
 
 
 def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], found: Neighbour | str) -> str:
@@ -51,17 +52,18 @@ def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float6
         return "AS"
     if before or after:
         return "SS"
-    return "GR" if (touches or _starts_on_its_event(problem, monitor, u)) and around[1] == around[2] else "BC"
+    return "GR" if (touches or _meets_without_velocity(problem, monitor, u)) and around[1] == around[2] else "BC"
 
 
-def _starts_on_its_event(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
-    """Return whether a segment whose duration vanishes starts on the surface on which it ends."""
-    if monitor.kind != "duration":
+def _meets_without_velocity(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
+    """Return whether a segment whose duration vanishes meets its event without velocity."""
+    i, n = monitor.segment, problem.n
+    if monitor.kind != "duration" or problem.signature.transitions[i] < 0:
         return False
-    i, n, ends = monitor.segment, problem.n, problem.signature.transitions
-    if ends[i - 1] < 0 or ends[i] < 0:
-        return False
-    return laid_on(problem, ends[i - 1], ends[i], np.ascontiguousarray(u[i * (n + 1) : i * (n + 1) + n]))
+    event, x = np.empty(2 + 2 * n), np.ascontiguousarray(u[i * (n + 1) : i * (n + 1) + n])
+    problem.system.compiled.call("event_x", problem.signature.transitions[i], 0, x, problem.extended, event)
+    period = float(np.abs(u[n : problem.size : n + 1]).sum())
+    return abs(float(event[1])) * period < _SLOW * float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
 
 
 def _born(

@@ -39,7 +39,7 @@ from saltus.continuation.runs.to_homoclinic import end_unbounded
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide
 from saltus.errors import InputError
 from saltus.orbits.critical import solve_branch_point
-from saltus.orbits.cuts import cut, stretched
+from saltus.orbits.cuts import cut, started_elsewhere, stretched
 from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
@@ -133,7 +133,8 @@ class OrbitRun(OneParameterRun):
         """
         if not stretched(branch.problem, item.J):
             return None
-        problem, u = cut(branch.problem, item.u, item.J)
+        elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff else None
+        problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
         if len(problem.signature) > (most := self.control.pieces):
             return f"{self.place(item)}: an orbit so unstable that it needs more than {most} pieces"
         finer = self.zero_problem(problem, u)
@@ -141,8 +142,8 @@ class OrbitRun(OneParameterRun):
             point = start_point(finer, u)
         except ValueError:
             return None
-        # the first piece starts at the old place: its tangent gives the direction of the branch
-        own = np.append(np.arange(branch.n), -1)
+        # the first piece starts at the old place, or lasts as long: its tangent gives the direction of the branch
+        own = np.append(np.arange(branch.n), -1) if elsewhere is None else np.array([branch.n, -1])
         along = float((item.weights[own] * item.tangent[own]) @ point.tangent[own])
         point = replace(point, tangent=math.copysign(1.0, along) * point.tangent, arc=item.arc)
         point.sign = math.copysign(1.0, along) * point.sign

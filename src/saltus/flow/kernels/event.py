@@ -16,7 +16,6 @@ from saltus.flow.kernels.landing import Room, first_event
 from saltus.flow.kernels.order import NEVER
 from saltus.flow.kernels.polynomial import DEPTH, ROOTS
 from saltus.flow.kernels.side import EventEnds, SideRoom, side_after
-from saltus.flow.kernels.stages import error_norm
 from saltus.flow.kernels.state import (
     AGAIN,
     AT_WRAP,
@@ -31,6 +30,7 @@ from saltus.flow.kernels.state import (
     FIELD_NOT_FINITE,
     FIRED,
     FIRST_STEP,
+    GUESSED,
     HOP_RUN,
     LEFT_DOMAIN,
     MODE,
@@ -60,7 +60,8 @@ from saltus.flow.kernels.state import (
     step_pointers,
     system_pointers,
 )
-from saltus.flow.kernels.step import FIELD, ROUNDING, dense_output, first_step, full_step, size_of_terms, step_factor
+from saltus.flow.kernels.step import FIELD, ROUNDING, first_step, size_of_terms
+from saltus.flow.kernels.trial import attempt, interpolant, landing_interpolant
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, PART, call, outlined, pointer, stack
@@ -112,7 +113,7 @@ def _begin(system, tolerances, state, mode, room):
             room.y,
             room.x_end,
         )
-    numbers[FIRST_STEP] = numbers[STEP_BEFORE] = 0.0
+    numbers[FIRST_STEP] = numbers[STEP_BEFORE] = numbers[GUESSED] = 0.0
     for k in range(system.n_transitions):
         if system.transitions[3 * k] != mode:
             continue
@@ -150,25 +151,6 @@ def _stride(system, state, left):
     ends = left <= 1.01 * tried
     h = left if ends else (tried if left >= 2.0 * tried else 0.5 * left)
     return Stride(h, ends, wraps and ends, last)
-
-
-@njit(**PART)
-def _try(system, tolerances, state, mode, stride, x_end, y):
-    """Take a step to x_end: whether it is accepted, its error and the next step over this one."""
-    addresses, n, p, h, slopes = system.addresses, system.n, system.p, stride.h, state.slopes
-    full_step(addresses, mode, n, p, h, state.x, slopes, y, x_end)
-    error = error_norm(slopes, n, int64(0), system.n_states, h, state.x, x_end, tolerances.rtol, tolerances.atol)
-    factor = step_factor(error, h, state.numbers)
-    accepted = error <= 1.0
-    if accepted:
-        if stride.wraps:
-            x_end[n - 1] = TWO_PI
-        call(addresses[FIELD], mode, 0, x_end, 0, p, slopes, 12 * n)
-        for e in range(n):
-            accepted = accepted and abs(slopes[12 * n + e]) < math.inf
-    if not accepted and (not error >= 0.0 or error <= 1.0 or error == math.inf):
-        factor = 0.2
-    return accepted, error, factor
 
 
 @njit(**INNER)
@@ -313,7 +295,7 @@ def _happen(system, state, mode, fired, events, room):
 def _one_step(system, tolerances, state, goal, steps, events, work):
     """Begin a segment where one begins, take a step, and let its first event happen; a status."""
     room, dense, crossings, ends, fit = work
-    n, p = system.n, system.p
+    n = system.n
     numbers, counts, mode = state.numbers, state.counts, state.counts[MODE]
     if counts[STARTING] == 1:
         status = _begin(system, tolerances, state, mode, room)
@@ -321,7 +303,7 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
             return status
     stride = _stride(system, state, (goal.t_end - numbers[T]) - numbers[T_LOW])
     h = stride.h
-    accepted, error, factor = _try(system, tolerances, state, mode, stride, room.x_end, room.y)
+    accepted, error, factor = attempt(system, tolerances, state, mode, stride, room)
     if not accepted:
         _shorten(system, state, mode, h, factor, room.event)
         return STEP_UNDERFLOW if _underflows(numbers) else DONE
@@ -329,7 +311,7 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
     for k in range(system.n_transitions):
         active = active or system.transitions[3 * k] == mode
     if active or steps.room > 0:
-        dense_output(system.addresses, mode, n, p, h, state.x, room.x_end, state.slopes, room.y, dense)
+        interpolant(system, tolerances, state, mode, h, room, dense)
     status = seek(system, tolerances, state, mode, h, room.x_end, dense, crossings, ends, fit, room.y, room.event)
     if status != DONE:
         numbers[STEP] = 0.5 * h
@@ -341,7 +323,7 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
         crossed = crossed or crossings.n_found[k] > 0
     fired, dt, fraction = int64(-1), h, NEVER
     if crossed:
-        fired, dt, fraction = first_event(system, state, mode, h, crossings, room)
+        fired, dt, fraction = first_event(system, tolerances.within, state, mode, h, crossings, room)
     if numbers[FIRST_STEP] == 0.0:
         numbers[FIRST_STEP] = h * min(factor, max(1.0, 0.5 * factor))
     if fired < 0:
@@ -355,13 +337,14 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
             return status
         numbers[STEP] = max(h * factor, numbers[STEP]) if stride.ends else h * factor
         numbers[STEP_BEFORE], numbers[ERROR_BEFORE] = h, max(error, 1e-4)
+        numbers[GUESSED] = h
         if stride.wraps:
             _wrap(system, state, mode, events, room)
         return DONE
     if _at_two_fold(system, fired, room):
         return LEFT_DOMAIN
     if steps.room > 0 and dt > 0.0:
-        dense_output(system.addresses, mode, n, p, dt, state.x, room.landing, room.trial, room.y, dense)
+        landing_interpolant(system, tolerances, state, mode, dt, room, dense)
         record_step(steps, state, n, dt, mode, dense)
     advance(numbers, dt)
     _sides_after(system, state, mode, fired, fraction, crossings)

@@ -10,7 +10,8 @@ from numba import int64
 from saltus.flow.kernels.order import first_crossing, next_crossing
 from saltus.flow.kernels.polynomial import ROOTS
 from saltus.flow.kernels.state import EPSILON, RESIDUAL
-from saltus.flow.kernels.step import FIELD, ROUNDING, full_step, size_of_terms
+from saltus.flow.kernels.step import FIELD, ROUNDING, size_of_terms
+from saltus.flow.kernels.trial import step_to
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, PART, call, outlined, pointer
@@ -58,7 +59,7 @@ class Bracket(NamedTuple):
 
 
 @njit(**INNER)
-def _land(system, k, mode, h, bracket, x, slopes, room):
+def _land(system, within, state, k, mode, h, bracket, room):
     """Step from x that ends on event k: (dt, relative residual).
 
     Newton's method in the step. A correction below 1e-9 h is applied along the field, which is exact to rounding. Where
@@ -68,15 +69,15 @@ def _land(system, k, mode, h, bracket, x, slopes, room):
     `landing_size`.
     """
     outlined()
-    addresses, n, p, before = system.addresses, system.n, system.p, bracket.sign
-    x_end, size, trial, y, event = room.landing, room.landing_size, room.trial, room.y, room.event
+    addresses, n, p, before, x = system.addresses, system.n, system.p, bracket.sign, state.x
+    x_end, size, trial, event = room.landing, room.landing_size, room.trial, room.event
     for e in range(n):
-        trial[e] = slopes[e]
+        trial[e] = state.slopes[e]
     low, high, dt = bracket.low * h, bracket.high * h, bracket.guess * h
     best, best_value = dt, math.inf
     landed = False
     for _ in range(40):
-        full_step(addresses, mode, n, p, dt, x, trial, y, x_end)
+        step_to(system, within, state, mode, h, dt, room)
         call(addresses[EVENT_X], k, 0, x_end, 0, p, event, 0)
         for e in range(n):
             size[e] = max(abs(x[e]), abs(x_end[e]), dt * abs(trial[e]))
@@ -107,7 +108,7 @@ def _land(system, k, mode, h, bracket, x, slopes, room):
             dt = 0.5 * (low + high)
     if not landed:
         dt = best
-        full_step(addresses, mode, n, p, dt, x, trial, y, x_end)
+        step_to(system, within, state, mode, h, dt, room)
     call(addresses[FIELD], mode, 0, x_end, 0, p, trial, 12 * n)
     call(addresses[EVENT_X], k, 0, x_end, 0, p, event, 0)
     for e in range(n):
@@ -155,7 +156,7 @@ def _at_once(system, crossings, mode, first, index, fraction, room):
 
 
 @njit(**INNER)
-def first_event(system, state, mode, h, crossings, room):
+def first_event(system, within, state, mode, h, crossings, room):
     """Land on the first crossing that counts: its transition (-1: none), the time to it, and its fraction of the step."""
     outlined()
     none, dt = int64(-1), h
@@ -173,7 +174,7 @@ def first_event(system, state, mode, h, crossings, room):
                 room.landing_size[e] = state.size[e]
         else:
             bracket = _bracket(crossings, first, index)
-            dt, state.numbers[RESIDUAL] = _land(system, first, mode, h, bracket, state.x, state.slopes, room)
+            dt, state.numbers[RESIDUAL] = _land(system, within, state, first, mode, h, bracket, room)
         first, index = _at_once(system, crossings, mode, first, index, fraction, room)
         call(system.addresses[GUARD], system.n_modes + first, 0, room.landing, 0, system.p, room.guard, 0)
         if room.guard[0] > 0.0:

@@ -42,7 +42,8 @@ RESIDUAL = 8  # event function at the last landing, over the size of its terms
 STEP_BEFORE = 9  # last accepted step of the present segment; 0 for none
 ERROR_BEFORE = 10  # error of that step, over the tolerance
 RATE_AFTER = 11  # rate of the last event's function just after the event
-N_NUMBERS = 12
+GUESSED = 12  # length of the step whose dense output is a guess of the next implicit one; 0 for none
+N_NUMBERS = 13
 
 # Places in `State.counts`.
 MODE = 0
@@ -106,10 +107,22 @@ class System(NamedTuple):
 
 
 class Tolerances(NamedTuple):
-    """Tolerances of a step."""
+    """Tolerances of a step, and how it is taken.
+
+    Parameters
+    ----------
+    rtol, atol : float
+        Tolerances.
+    attempt, within, carry : int
+        Addresses of these functions of `saltus.flow.kernels.implicit_motion`, 0 where steps are explicit. Implicit ones need
+        derivatives among `System.addresses`.
+    """
 
     rtol: float
     atol: float
+    attempt: int = 0
+    within: int = 0
+    carry: int = 0
 
 
 class Goal(NamedTuple):
@@ -140,6 +153,8 @@ class State(NamedTuple):
         Values of the event functions.
     first_steps : ndarray, shape (mode,)
         First step of a segment in each mode, 0 where none is known.
+    guess : ndarray, shape (14 * n,)
+        Dense output of the last implicit step, and of a part of one.
     """
 
     x: Floats
@@ -151,6 +166,7 @@ class State(NamedTuple):
     on: Integers
     value: Floats
     first_steps: Floats
+    guess: Floats
 
 
 class Steps(NamedTuple):
@@ -241,7 +257,7 @@ def state_pointers(state):
     return State(
         pointer(state.x, 0), pointer(state.slopes, 0), pointer(state.size, 0), pointer(state.numbers, 0),
         pointer(state.counts, 0), pointer(state.side, 0), pointer(state.on, 0), pointer(state.value, 0),
-        pointer(state.first_steps, 0),
+        pointer(state.first_steps, 0), pointer(state.guess, 0),
     )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ from saltus.flow.kernels.state import (
 )
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer
+from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,6 +50,7 @@ COLLAPSED = 64.0 * EPSILON  # length of a column after an event, over its terms,
 LOOSER = 1e3  # tolerance of the frame, over that of the motion
 LOOSEST = 1e-4  # largest tolerance of the frame, relative
 SHORTEST = 1e-12  # part of a step at which the frame still errs where the field's Jacobian is not finite
+SHRUNK = 1.0 / 400.0  # length to which a column shrinks in an implicit step below which the step does not resolve it
 CLEAR = 1e-4  # normal velocity, over its terms, above which no grazing makes columns small
 
 
@@ -85,14 +86,15 @@ class Frame(NamedTuple):
         The perturbations.
     terms : float64 pointer, (columns,)
         Size of the terms of each perturbation.
-    gains : float64 pointer, (columns,)
-        Logarithms of growth in a part of a step.
+    gains, rough : float64 pointer, (columns,)
+        Logarithms of growth in a part of a step, and what an implicit one does not resolve.
     """
 
     columns: int
     vectors: Any
     terms: Any
     gains: Any
+    rough: Any
 
 
 class Room(NamedTuple):
@@ -117,8 +119,11 @@ def _take(addresses, mode, n, columns, h, p, slopes, y, trial):
 
 
 @njit(**INNER)
-def _carry(system, mode, x, h, frame, live, longest, tolerance, growth, room):
+def _carry(system, implicit, mode, x, h, dense, frame, live, longest, tolerance, growth, room):
     """Carry a frame over a step of the state from x, orthonormal at its end; how many columns live, and `longest`.
+
+    implicit: address of `carry` of `saltus.flow.kernels.implicit_motion`, for a step with that dense output; 0 for an explicit
+    one.
 
     The step is taken in parts not longer than `longest`. They become shorter until the frame's error is below
     `tolerance` times the shortest length to which an orthonormal column shrinks.
@@ -126,7 +131,7 @@ def _carry(system, mode, x, h, frame, live, longest, tolerance, growth, room):
     outlined()
     n, columns, terms, gains, y, trial = system.n, frame.columns, frame.terms, frame.gains, room.y, room.trial
     for c in range(columns):
-        terms[c] = 0.0
+        terms[c] = 0.0 if implicit == 0 else SHRUNK / COLLAPSED
     for e in range(n):
         y[e] = x[e]
     for e in range(n * columns):
@@ -134,7 +139,12 @@ def _carry(system, mode, x, h, frame, live, longest, tolerance, growth, room):
     left = h
     while left > 0.0:
         part = left if left <= longest else left / math.ceil(left / longest)
-        error = _take(system.addresses, mode, n, columns, part, system.p, room.slopes, y, trial) / tolerance
+        if implicit == 0:
+            error = _take(system.addresses, mode, n, columns, part, system.p, room.slopes, y, trial) / tolerance
+        else:
+            begun, rough = h - left, frame.rough
+            arguments = system.addresses, mode, n, system.p, part, h, begun, dense, columns, y, trial, rough
+            error = 0.0 if invoke(implicit, arguments) > 0.0 else math.inf
         remaining = live
         if error <= 1.0:
             for c in range(columns):
@@ -143,6 +153,8 @@ def _carry(system, mode, x, h, frame, live, longest, tolerance, growth, room):
             least = 0.0
             for c in range(remaining):
                 least = min(least, gains[c])
+                if implicit != 0:
+                    error = max(error, frame.rough[c] / tolerance)
             error *= math.exp(-least)
         if not error <= 1.0:
             longest = part * (max(0.2, 0.9 * error**-0.125) if error < math.inf else 0.2)
@@ -155,7 +167,7 @@ def _carry(system, mode, x, h, frame, live, longest, tolerance, growth, room):
             growth[c] += gains[c]
         for e in range(n * (1 + columns)):
             y[e] = trial[e]
-        if part < h:
+        if part < h and (implicit == 0 or part < left):  # an implicit step is tried whole at first
             longest = part * (min(5.0, 0.9 * error**-0.125) if error > 0.0 else 5.0)
         else:
             longest = math.inf
@@ -288,10 +300,11 @@ def growth_kernel(system, tolerances, budget, state, steps, events, rows, vector
     """
     n, columns = vectors.shape
     length, start = n * (1 + columns), (n + 2) * (n + 3) + 3 * columns
-    block = np.empty(start + 15 * length + columns)
+    block = np.empty(start + 15 * length + 2 * columns)
     work = pointer(block, columns)
     room = Room(pointer(block, start), pointer(block, start + 13 * length), pointer(block, start + 14 * length))
-    frame = Frame(columns, pointer(vectors, 0), pointer(block, 0), pointer(block, start + 15 * length))
+    gains = pointer(block, start + 15 * length)
+    frame = Frame(columns, pointer(vectors, 0), pointer(block, 0), gains, pointer(gains, columns))
     laws, sums = system_pointers(system), pointer(rows.growth, 0)
     taken, passed, counts = step_pointers(steps), event_pointers(events), pointer(state.counts, 0)
     last_event, live = np.iinfo(np.int64).max, places[LIVE]
@@ -318,8 +331,10 @@ def growth_kernel(system, tolerances, budget, state, steps, events, rows, vector
                 event += 1
             if step < counts[N_STEPS]:
                 x, h = pointer(taken.starts, step * n), taken.times[2 * step + 1]
+                dense = pointer(taken.dense, 7 * step * n)
                 live, longest = _carry(
-                    laws, taken.modes[step], x, h, frame, live, longest, tolerance, growth, room
+                    laws, tolerances.carry, taken.modes[step], x, h, dense, frame, live, longest, tolerance, growth,
+                    room,
                 )  # fmt: skip
         if status == DONE:
             rows.ends[row] = state.numbers[T] + state.numbers[T_LOW]

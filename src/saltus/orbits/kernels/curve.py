@@ -33,6 +33,8 @@ class View(NamedTuple):
         Typical sizes of the states.
     period : float
         Sum of the durations' sizes.
+    implicit : int
+        Address of the dense output of implicit steps; 0 where steps are explicit.
     """
 
     functions: object
@@ -49,6 +51,7 @@ class View(NamedTuple):
     absent: object
     sizes: object
     period: float
+    implicit: int
 
 
 class Curve(NamedTuple):
@@ -158,14 +161,15 @@ def lowest(view, curve, what, sign, j, fa, fm, fb, x, out):
     """
     outlined()
     a, m, b = fine(curve, j - 1), fine(curve, j), fine(curve, j + 1)
+    narrow = min(1e-7, 1e-5 * (b - a))
     for step in range(60):
-        if b - a < 1e-7 or not fm <= min(fa, fb):
+        if b - a < narrow or not fm <= min(fa, fb):
             break
         r, q = (m - a) * (fm - fb), (m - b) * (fm - fa)
         bottom = 2.0 * (r - q)
         t = m - ((m - a) * r - (m - b) * q) / bottom if bottom != 0.0 else m
         margin = 0.02 * min(m - a, b - m)
-        if step % 3 == 2 or not (a + margin < t < b - margin) or abs(t - m) < 1e-10:
+        if step % 3 == 2 or not (a + margin < t < b - margin) or abs(t - m) < 1e-3 * narrow:
             t = m + 0.3 * (b - m) if b - m > m - a else m - 0.3 * (m - a)
         ft = sample(view, curve, what, sign, t, x, out)
         if ft < fm:

@@ -6,13 +6,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import int64
 
 from saltus.flow.kernels.segment import EVENT_P, EVENT_X, FIELD, VARY, Segment, Sensitive, flow
 from saltus.orbits.records import Mesh, Orbit, Phase
 from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer
+from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
 DERIVE = FUNCTIONS.index("derive")
 RESET = FUNCTIONS.index("reset")
@@ -35,6 +36,7 @@ class System(NamedTuple):
     rooted: object
     active: object
     n_active: int
+    implicit: object
 
 
 class Piece(NamedTuple):
@@ -104,6 +106,7 @@ def pointed(orbit):
         pointer(orbit.rooted, 0),
         pointer(orbit.active, 0),
         orbit.active.size,
+        pointer(orbit.implicit, 0),
     )
 
 
@@ -188,7 +191,14 @@ def _sweep(system, piece, u, mesh, count, tolerances, y, errors):
     columns = n + n_active + (1 if piece.mean else 0)
     segment = Segment(system.functions, mode, piece.duration, system.p, n)
     sensitive = Sensitive(piece.transition, piece.mean, system.rooted[mode] != 0, system.active, n_active, columns)
-    flow(segment, sensitive, pointer(u, piece.row), mesh, count, tolerances[0], tolerances[1], y, errors)
+    x0, rtol, atol = pointer(u, piece.row), tolerances[0], tolerances[1]
+    if system.implicit[0] == 0:
+        flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors)
+    else:
+        sizes = np.array((mode, n, piece.transition, int64(piece.mean), n_active, columns, int64(count)))
+        laws = system.functions, system.p, pointer(sizes, 0), system.active
+        invoke(system.implicit[0], (*laws, x0, piece.duration, mesh, rtol, atol, y, errors))
+        keep(sizes)
 
 
 @njit(**INNER)

@@ -30,7 +30,7 @@ from saltus.orbits.signature import (
     WHEN,
 )
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer
+from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
 PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss the true one
 
@@ -140,6 +140,7 @@ def _viewed(system, events, sizes, period):
         pointer(events.absent, 0),
         sizes,
         period,
+        system.implicit[1],
     )
 
 
@@ -188,9 +189,19 @@ def _followed(view, piece, curve, u, tolerances, room):
     outlined()
     n, bad = view.n, 0
     segment = Segment(view.functions, piece.mode, piece.duration, view.p, n)
-    dense(segment, pointer(u, piece.row), curve.mesh, curve.count, curve.nodes, curve.coefficients)
+    x0 = pointer(u, piece.row)
+    if view.implicit == 0:
+        dense(segment, x0, curve.mesh, curve.count, curve.nodes, curve.coefficients)
+    else:
+        invoke(
+            view.implicit,
+            (view.functions, piece.mode, n, view.p, piece.duration, x0, curve.mesh, int64(curve.count), curve.nodes,
+             curve.coefficients),
+        )  # fmt: skip
     if (not piece.duration > 0.0 and piece.kind != MEAN_END) or piece.duration < 0.0:
         bad |= DURATION
+    if view.implicit != 0:
+        return bad
     for step in range(curve.count):
         a = curve.mesh[step]
         bend, node = pointer(curve.coefficients, step * 7 * n), pointer(curve.nodes, step * n)

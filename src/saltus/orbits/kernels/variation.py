@@ -16,7 +16,7 @@ from saltus.flow.tableaux import NODES as C
 from saltus.orbits.kernels.equation import pointed
 from saltus.orbits.records import Mesh, Orbit
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer
+from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
 
 class View(NamedTuple):
@@ -86,6 +86,14 @@ def vary(orbit, mesh, u, du, nodes, coefficients):
         for e in range(length):
             slopes[e] = 0.0  # time stands still at the segment's start
         longer = pointer(change, (row + n) * columns)
+        if system.implicit[2] != 0:
+            count, bends = mesh.starts[i + 1] - 1 - first, pointer(coefficients, first * 7 * length)
+            path = longer, pointer(mesh.places, first), count, y, bends
+            invoke(
+                system.implicit[2],
+                (system.functions, system.modes[i], n, system.p, start[row + n], system.active, columns, *path),
+            )
+            continue
         for step in range(first, mesh.starts[i + 1] - 1):
             s = mesh.places[step]
             h = mesh.places[step + 1] - s

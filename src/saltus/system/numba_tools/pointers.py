@@ -82,6 +82,22 @@ def keep(typingctx, array):
 
 
 @intrinsic
+def invoke(typingctx, address, arguments):
+    """Call a compiled function, which returns a number, by its address; its arguments are a tuple of numbers and pointers.
+
+    What is called so is compiled apart from its callers, and not at all where nobody needs it.
+    """
+    kinds = types.Tuple([types.unliteral(kind) for kind in arguments])
+
+    def lower(context, builder, signature, given):
+        values = [builder.extract_value(given[1], i) for i in range(len(kinds))]
+        kind = ir.FunctionType(ir.DoubleType(), [value.type for value in values])
+        return builder.call(builder.inttoptr(given[0], kind.as_pointer()), values)
+
+    return types.float64(types.int64, kinds), lower
+
+
+@intrinsic
 def call(typingctx, address, k, m, x, x_at, p, out, out_at):
     """Call a generated function by its address, on flat arrays, or pointers, from the given offsets."""
     signature = types.void(types.int64, types.int64, types.int64, x, types.int64, p, out, types.int64)

@@ -175,20 +175,19 @@ def vanishes_at_last(points: list[Row]) -> str | None:
 def grows_for_ever(points: list[Row]) -> str | None:
     """Return the reason, after a successful step, that the period grows without bound; None if it does not.
 
-    The period is a thousand times the first one and grows. Or it alone grew, or by half while the parameter rested and
-    the orbit was in pieces. All happen next to a homoclinic orbit.
+    The period is a thousand times the first one, and grew by half while the parameter rested. Or it alone grew, or by
+    half while the parameter rested more and the orbit was in pieces. All happen next to a homoclinic orbit.
     """
     branch, last = points[-1]
     period = period_of(branch, last)
     if _only_the_period_grows(points):
         return told(period)
-    if len(points) > 1 and period > LONGEST * period_of(*points[0]) and period > period_of(*points[-2]):
-        return told(period)
-    if CUT_END not in branch.problem.signature.kinds:
+    long = len(points) > 1 and period > LONGEST * period_of(*points[0]) and period > period_of(*points[-2])
+    if not (long or CUT_END in branch.problem.signature.kinds):
         return None
     values = [point.parameter for _, point in points]
     late = [point.parameter for piece, point in points if period_of(piece, point) * _LATE > period]
-    if len(late) == len(points) or max(late) - min(late) > _RESTING * (max(values) - min(values)):
+    if len(late) == len(points) or max(late) - min(late) > (_RESTS if long else _RESTING) * (max(values) - min(values)):
         return None
     return told(period)
 
@@ -235,10 +234,12 @@ def meets_two_fold(points: list[tuple[OrbitZeroProblem, Point]]) -> str:
 
 def too_stiff(problem: OrbitProblem) -> str | None:
     """Return the reason that a segment's flow needs more steps than allowed; None if it does not."""
-    if not problem.stiff:
+    from saltus.flow.kernels import segment as segment_kernels
+
+    if 2 * problem.steps <= segment_kernels.MOST_STEPS:
         return None
     return (
-        f"the flow is stiff: explicit steps stay stable only if one segment takes some {problem.steps:d} of them; "
+        f"the flow is stiff, and implicit steps do not follow it: one segment takes {problem.steps:d} explicit ones; "
         "go on with the reduced system, in which the fastest state follows the others"
     )
 

@@ -1,0 +1,83 @@
+"""Compiled trials of steps of a motion, explicit or implicit, and their dense output."""
+
+from __future__ import annotations
+
+import math
+
+from numba import int64
+
+from saltus.flow.kernels.stages import error_norm
+from saltus.flow.kernels.state import GUESSED, TWO_PI
+from saltus.flow.kernels.step import FIELD, dense_output, full_step, step_factor
+from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.pointers import INNER, PART, call, invoke, outlined, pointer
+
+GROWTH = 2.0  # implicit step, over the one before, at most: its guess is extrapolated
+
+
+@njit(**PART)
+def attempt(system, tolerances, state, mode, stride, room):
+    """Take a step to `room.x_end`: whether it is accepted, its error and the next step over this one."""
+    addresses, n, p, h, slopes, x_end = system.addresses, system.n, system.p, stride.h, state.slopes, room.x_end
+    if tolerances.attempt == 0:
+        full_step(addresses, mode, n, p, h, state.x, slopes, room.y, x_end)
+        error = error_norm(slopes, n, int64(0), system.n_states, h, state.x, x_end, tolerances.rtol, tolerances.atol)
+        factor = step_factor(error, h, state.numbers)
+    else:
+        before, state.numbers[GUESSED] = state.numbers[GUESSED], 0.0
+        error = invoke(
+            tolerances.attempt,
+            (addresses, mode, n, p, system.n_states, h, before, state.x, tolerances.rtol, tolerances.atol, x_end,
+             state.guess),
+        )  # fmt: skip
+        factor = min(GROWTH, step_factor(error, h, state.numbers))
+    accepted = error <= 1.0
+    if accepted:
+        if stride.wraps:
+            x_end[n - 1] = TWO_PI
+        call(addresses[FIELD], mode, 0, x_end, 0, p, slopes, 12 * n)
+        for e in range(n):
+            accepted = accepted and abs(slopes[12 * n + e]) < math.inf
+    if not accepted and (not error >= 0.0 or error <= 1.0 or error == math.inf):
+        factor = 0.2
+    return accepted, error, factor
+
+
+@njit(**INNER)
+def step_to(system, within, state, mode, h, dt, room):
+    """Take a part `dt` of a step of length h to `room.landing`."""
+    outlined()
+    if within == 0:
+        full_step(system.addresses, mode, system.n, system.p, dt, state.x, room.trial, room.y, room.landing)
+    else:
+        invoke(within, (system.addresses, mode, system.n, system.p, dt, h, state.x, room.landing, state.guess))
+
+
+@njit(**INNER)
+def interpolant(system, tolerances, state, mode, h, room, dense):
+    """Write the dense output of a step that has just been taken to `room.x_end`."""
+    outlined()
+    if tolerances.attempt == 0:
+        x_end, slopes = room.x_end, state.slopes
+        dense_output(system.addresses, mode, system.n, system.p, h, state.x, x_end, slopes, room.y, dense)
+    else:
+        _keep_guess(system.n, state.x, room.x_end, state.guess, dense)
+
+
+@njit(**INNER)
+def landing_interpolant(system, tolerances, state, mode, dt, room, dense):
+    """Write the dense output of the part of a step that has landed on `room.landing`."""
+    outlined()
+    n = system.n
+    if tolerances.attempt == 0:
+        dense_output(system.addresses, mode, n, system.p, dt, state.x, room.landing, room.trial, room.y, dense)
+    else:
+        _keep_guess(n, state.x, room.landing, pointer(state.guess, 7 * n), dense)
+
+
+@njit(**INNER)
+def _keep_guess(n, x, x_end, guess, dense):
+    for e in range(7 * n):
+        dense[e] = guess[e]
+    for e in range(n):  # the end may have been moved to a surface, or the phase's wrap
+        dense[e] = x_end[e] - x[e]
