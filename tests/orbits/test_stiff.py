@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import saltus
@@ -118,10 +119,36 @@ def test_derivatives_of_a_stiff_orbit_are_differences(relaxation: HybridSystem) 
     found = find_orbit(relaxation, {"mu": 500.0}, x0=[2.0, 0.0]).sensitivity(names, ["mu"])
     ends = [find_orbit(relaxation, {"mu": mu}, x0=[2.0, 0.0]) for mu in (499.95, 500.05)]
     for name in names:
-        low, high = (
-            end.period if name == "period" else end.highs[1] if name == "max_y" else end.observe(name)[name] for end in ends
-        )
+        known = [{"period": end.period, "max_y": end.highs[1]} for end in ends]
+        low, high = (own.get(name) or end.observe(name)[name] for own, end in zip(known, ends, strict=True))
         assert found[name].item() == pytest.approx((high - low) / 0.1, rel=1e-4, abs=1e-10)
+
+
+OREGONATOR = HybridSystem.smooth(
+    {"x": "q*(y + x*(1 - 8.375e-6*x - y))", "y": "(z - (1 + x)*y)/q", "z": "0.161*(x - z)"}, {"q": 77.27}
+)
+REACTOR = HybridSystem.smooth(
+    {
+        "a": "-0.04*a + 1e4*b*c + d*(1 + cos(s)/2)*(1 - a)", "b": "0.04*a - 1e4*b*c - 3e7*b**2 - d*(1 + cos(s)/2)*b",
+        "c": "3e7*b**2 - d*(1 + cos(s)/2)*c",
+    },
+    {"d": 0.01, "w": 0.1}, phase=("s", "w"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("system", "x0"), [(OREGONATOR, [4.0, 1.1, 4.0]), (REACTOR, [0.5, 0.0, 0.5])])
+def test_kinetics_come_back_after_a_period_of_scipys(system, x0) -> None:
+    orbit = find_orbit(system, x0=x0)
+    p = np.array(list(orbit.parameters.values()))
+    full = np.append(orbit.x0, 0.0) if system.phase is not None else orbit.x0
+
+    def field(_, x):
+        return system.compiled.field(0, np.ascontiguousarray(x), p)
+
+    found = solve_ivp(field, (0.0, orbit.period), full, method="Radau", rtol=1e-10, atol=1e-13 * np.abs(full).max())
+    count = len(system.states)
+    np.testing.assert_allclose(found.y[:count, -1], orbit.x0, rtol=2e-6, atol=1e-9)
+    assert orbit.stable
 
 
 def test_the_same_stiff_orbit_is_found_from_any_start(relaxation: HybridSystem) -> None:
