@@ -10,8 +10,8 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
-from saltus.flow.radau import worth
 from saltus.flow.sticking import sticking_surface
+from saltus.flow.stiffness import may_be_implicit, worth
 from saltus.system.filippov import lines_of
 from saltus.system.parts import NOWHERE, at_phases
 
@@ -24,7 +24,7 @@ __all__ = ["EventDrivenMotion", "check_tolerances", "how_long", "jumps_at_phase_
 
 _TWO_PI = 2.0 * math.pi
 _EVENTS_KEPT = 1024  # events between two clearances of their buffer
-_BUDGET = 1 << 16  # steps of one call of the kernel
+_BUDGET = 1 << 12  # steps of one call of the kernel
 _MOST = np.iinfo(np.int64).max  # a count that is never reached
 _WATCHED = 2048  # steps tried between two looks at whether a motion sticks
 _HUGE = 1e250  # value beyond which an event function is not finite: sums of some of its values overflow
@@ -102,7 +102,7 @@ class EventDrivenMotion:
         self._room, self._chosen, self._chosen_at = math.inf if room is None else room, 0, 0.0
         self.most_steps, self.budget, self._watched, self._looks = most_steps, _CHOSEN, 0, 0
         # the time of an explicit step before implicit ones, and the steps behind which these are thought of again
-        self._implicit, self._explicit, self._again = False, 0.0, math.inf if compiled.rooted.any() else 0.0
+        self._implicit, self._explicit, self._again = False, 0.0, 0.0
         self.slopes, self.size, self._guess = np.zeros(16 * n), np.abs(x), np.zeros(14 * n)
         if system.phase is not None:
             self.size[-1] = _TWO_PI
@@ -257,7 +257,10 @@ class EventDrivenMotion:
             if not np.all(np.isfinite(J)):
                 return
             decay = -float(np.linalg.eigvals(J).real.min(initial=0.0))
-            self._implicit = float(self.numbers[self.kernels.STEP_BEFORE]) * decay > _FAST
+            fast = float(self.numbers[self.kernels.STEP_BEFORE]) * decay > _FAST
+            compiled, count = self.system.compiled, len(self.system.states)
+            modes = range(len(self.system.modes))
+            self._implicit = fast and all(may_be_implicit(compiled, mode, self.x, self.p, count) for mode in modes)
             self._explicit = pace
         self.addresses = self.system.compiled.addresses if self._implicit else self.system.compiled.motion
         self.__dict__.pop("records", None)

@@ -9,16 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["DENSE", "LAST", "NODES", "STAGES", "WEIGHTS", "worth"]
+__all__ = ["DENSE", "LAST", "NODES", "STAGES", "WEIGHTS"]
 
 STAGES = 7
-_DEARER = 10.0  # time of an implicit step with two states, over that of an explicit one with sensitivities
-
-
-def worth(n: int) -> float:
-    """Return how many explicit steps with sensitivities take the time of an implicit one, with n components."""
-    return _DEARER * max(1.0, n / 2.0) ** 2
-
 
 # Times of the stages, in steps; the last one is the end of the step.
 NODES = np.array([

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.flow.radau import worth
+from saltus.flow.stiffness import may_be_implicit, worth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,6 +30,7 @@ def adapted(
     blocks: NDArray[np.float64],
     p: NDArray[np.float64],
     tolerances: tuple[float, float],
+    states: int,
     implicit: bool,
 ) -> tuple[list[NDArray[np.float64]], bool] | int:
     """Return each segment's mesh, its steps as long as the tolerances allow; a segment that cannot be followed.
@@ -47,6 +48,8 @@ def adapted(
         Extended parameters.
     tolerances : (float, float)
         Relative and absolute.
+    states : int
+        Components without the phase.
     implicit : bool
         Whether explicit steps are not tried.
     """
@@ -68,7 +71,8 @@ def adapted(
         if not isinstance(explicit, int) and max(map(len, explicit)) <= FEW:
             return explicit, False
     room = float(segment_kernels.MOST_STEPS)
-    if not compiled.rooted[modes].any():
+    starts = [np.ascontiguousarray(block[:-1]) for block in blocks]
+    if all(may_be_implicit(compiled, int(mode), x, p, states) for mode, x in zip(modes, starts, strict=True)):
         meshes = made(implicit_kernels.adapt, _FEW_STEPS)
         if not isinstance(meshes, int):
             room = min(room, worth(compiled.n) * max(map(len, meshes)))

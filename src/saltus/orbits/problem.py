@@ -170,7 +170,8 @@ class OrbitProblem:
         A segment that cannot be followed is returned.
         """
         blocks, tolerances = u[: self.size].reshape(self.segments, self.n + 1), (self.tol, self._atol)
-        found = adapted(self.system.compiled, self.modes, blocks, self.extended, tolerances, self.stiff)
+        states = len(self.system.states)
+        found = adapted(self.system.compiled, self.modes, blocks, self.extended, tolerances, states, self.stiff)
         if isinstance(found, int):
             return found
         meshes, self.stiff = found

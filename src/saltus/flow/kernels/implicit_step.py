@@ -24,6 +24,7 @@ D = radau.DENSE.ravel()
 LAST = radau.LAST
 ITERATIONS = 12  # Newton steps, at most
 SOLVED = 1e-11  # size of a Newton step, over the states', behind which the next one is rounding
+ROUNDING = 32.0 * 2.220446049250313e-16  # residual, over its terms, that is rounding
 STALLED = 1e-7  # the same, up to which steps that no longer shrink are rounding
 REACH = 2.0  # step, over the one before, up to which the dense output is a guess for the next one
 GROWN = 3.0  # growth over a step, in factors e, that the method follows
@@ -70,6 +71,8 @@ class Stages(NamedTuple):
         Newton's matrix, or its factors.
     column : pointer, (7 n,)
         A right-hand side, or the solution.
+    terms : pointer, (7 n,)
+        Sizes of the terms of the right-hand side, whose rounding it has.
     frame, out : pointer, (n + n n,)
         Arguments and values of the generated functions.
     guess : pointer, (8 n,)
@@ -84,6 +87,7 @@ class Stages(NamedTuple):
     slopes: object
     matrix: object
     column: object
+    terms: object
     frame: object
     out: object
     guess: object
@@ -94,7 +98,7 @@ class Stages(NamedTuple):
 def room_for(n):
     """Return how many numbers the scratch of an implicit step takes."""
     size = STAGES * n
-    return 2 * STAGES + 3 * size + size * size + 2 * (n + n * n) + (STAGES + 1) * n
+    return 2 * STAGES + 4 * size + size * size + 2 * (n + n * n) + (STAGES + 1) * n
 
 
 @njit(**INNER)
@@ -104,9 +108,9 @@ def laid_out(block, pivots, n):
     increments = pointer(block, 2 * STAGES)
     matrix = pointer(increments, 2 * size)
     column = pointer(matrix, size * size)
-    frame = pointer(column, size)
+    frame = pointer(column, 2 * size)
     return Stages(
-        block, pointer(block, STAGES), increments, pointer(increments, size), matrix, column, frame, pointer(frame, n + n * n),
+        block, pointer(block, STAGES), increments, pointer(increments, size), matrix, column, pointer(column, size), frame, pointer(frame, n + n * n),
         pointer(frame, 2 * (n + n * n)), pivots,
     )  # fmt: skip
 
@@ -164,10 +168,12 @@ def linearised(segment, h, x, stages):
     n = segment.n
     size = STAGES * n
     frame, out, increments, matrix, column = stages.frame, stages.out, stages.increments, stages.matrix, stages.column
+    terms = stages.terms
     for e in range(n * n):
         frame[n + e] = 1.0 if e % (n + 1) == 0 else 0.0
     for e in range(size):
         column[e] = increments[e]
+        terms[e] = abs(x[e % n]) + abs(increments[e])
     for j in range(STAGES):
         for e in range(n):
             frame[e] = x[e] + increments[j * n + e]
@@ -180,7 +186,9 @@ def linearised(segment, h, x, stages):
                 column[i * n + a] -= weight * out[a]
                 row = pointer(matrix, (i * n + a) * size + j * n)
                 for b in range(n):
-                    row[b] = (1.0 if i == j and a == b else 0.0) - weight * out[n + a * n + b]
+                    entry = weight * out[n + a * n + b]
+                    row[b] = (1.0 if i == j and a == b else 0.0) - entry
+                    terms[i * n + a] += abs(entry * frame[b])
     return factorise(matrix, size, stages.pivots)
 
 
@@ -193,6 +201,9 @@ def solved(segment, h, x, stages):
     for _ in range(ITERATIONS):
         if not linearised(segment, h, x, stages):
             return False
+        rounding = True
+        for e in range(STAGES * n):
+            rounding = rounding and abs(stages.column[e]) <= ROUNDING * stages.terms[e]
         substitute(stages.matrix, STAGES * n, stages.pivots, stages.column)
         largest = 0.0
         for e in range(n):
@@ -207,10 +218,10 @@ def solved(segment, h, x, stages):
                 share = moved / top
                 if not share <= largest:
                     largest = share
-        if largest <= SOLVED or (largest <= STALLED and largest > 0.5 * before):
-            return True
         if not largest < math.inf:
             return False
+        if rounding or largest <= SOLVED or (largest <= STALLED and largest > 0.5 * before):
+            return True
         before = largest
     return False
 

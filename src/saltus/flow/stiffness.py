@@ -1,0 +1,52 @@
+"""When a stiff flow goes on by implicit steps: whether it may, and whether they are worth their time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system.compiled import Compiled
+
+__all__ = ["may_be_implicit", "worth"]
+
+_DEARER = 10.0  # time of an implicit step with two states, over that of an explicit one with sensitivities
+
+
+def worth(n: int) -> float:
+    """Return how many explicit steps with sensitivities take the time of an implicit one, with n components."""
+    return _DEARER * max(1.0, n / 2.0) ** 2
+
+
+def may_be_implicit(compiled: Compiled, mode: int, x: NDArray[np.float64], p: NDArray[np.float64], states: int) -> bool:
+    """Return whether implicit steps may follow a mode's flow near a state.
+
+    They damp a state that decays to nothing by too little, and it may grow again from what is left: no state may be one
+    whose zeros are an invariant plane, as of a population. Nor may the field have roots that vanish on a surface.
+
+    Parameters
+    ----------
+    compiled : Compiled
+        The generated functions.
+    mode : int
+        Index of the mode.
+    x : ndarray, shape (n,)
+        Full state.
+    p : ndarray
+        Extended parameters.
+    states : int
+        Components without the phase.
+    """
+    if compiled.rooted[mode]:
+        return False
+    slope, own = np.empty(x.size), np.diag(compiled.linearised(mode, x, p)[1])
+    for i in np.flatnonzero(own[:states]):
+        on_plane = x.copy()
+        on_plane[i] = 0.0
+        compiled.call("field", mode, 0, on_plane, p, slope)
+        if slope[i] == 0.0:
+            return False
+    return True
