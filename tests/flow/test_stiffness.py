@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from saltus import Average, HybridSystem, Mode, Transition, lyapunov_spectrum, run_sweep, simulate
+from saltus import Average, HybridSystem, Mode, Transition, find_orbit, lyapunov_spectrum, run_sweep, simulate
+from saltus.errors import ConvergenceError
 from saltus.flow import radau
 from saltus.flow.stiffness import may_be_implicit
 from saltus.options import SweepOptions
@@ -95,3 +96,11 @@ def test_a_state_that_grows_again_from_what_is_left_keeps_explicit_steps():
     assert not may_be_implicit(compiled, 0, np.array([-1.0, 1.0]), p, 2)
     held = HybridSystem.smooth({"x": "0", "y": "x - y"}, {})
     assert may_be_implicit(held.compiled, 0, np.array([1.0, 2.0]), np.zeros(0), 2)
+
+
+def test_a_stiff_motion_at_rest_takes_steps_of_finite_length():
+    system = HybridSystem.smooth({"x": "1 - x", "y": "1e5*(x - y)"}, {})
+    end = simulate(system, {}, [0.0, 0.0], t_end=1e6)
+    np.testing.assert_allclose(end.x_end, [1.0, 1.0], rtol=1e-9)
+    with pytest.raises(ConvergenceError, match="comes to rest"):
+        find_orbit(system, x0=[0.0, 0.0])

@@ -103,6 +103,7 @@ class EventDrivenMotion:
         self.most_steps, self.budget, self._watched, self._looks = most_steps, _CHOSEN, 0, 0
         # the time of an explicit step before implicit ones, and the steps behind which these are thought of again
         self._implicit, self._explicit, self._again = False, 0.0, 0.0
+        self.least_decay = 0.0  # rate of decay below which steps stay explicit, however many
         self.slopes, self.size, self._guess = np.zeros(16 * n), np.abs(x), np.zeros(14 * n)
         if system.phase is not None:
             self.size[-1] = _TWO_PI
@@ -257,7 +258,7 @@ class EventDrivenMotion:
             if not np.all(np.isfinite(J)):
                 return
             decay = -float(np.linalg.eigvals(J).real.min(initial=0.0))
-            fast = float(self.numbers[self.kernels.STEP_BEFORE]) * decay > _FAST
+            fast = decay > self.least_decay and float(self.numbers[self.kernels.STEP_BEFORE]) * decay > _FAST
             compiled, count = self.system.compiled, len(self.system.states)
             modes = range(len(self.system.modes))
             self._implicit = fast and all(may_be_implicit(compiled, mode, self.x, self.p, count) for mode in modes)

@@ -25,6 +25,7 @@ BATCHES = 20  # batches into which a stretch is cut for the errors of its expone
 CONFIDENCE = 0.95  # probability that an exponent lies within its error, were the batches independent and normal
 ROWS = 25 * BATCHES  # stretches of which the growth is kept, at most
 _STEPS_KEPT = 256  # steps of dense output between two clearances of the buffer
+_DECAY = 1e7  # decay over a motion, in factors e, up to which explicit steps resolve it
 _STEPS_A_PERIOD = 50_000  # steps of a period, beyond which a motion is stiff
 _SHRUNK = 100.0  # factor by which the steps of a stiff motion without a period are shorter than before
 _STIFF_STEPS = 1_000_000  # such short steps, beyond which the motion is stiff
@@ -180,12 +181,14 @@ def growth_along(
         first_time = 0.5 * length if average.discard is None else average.discard
         row_times = first_time + np.linspace(0.0, length, ROWS + 1)
         row_wraps = np.full(row_times.size, most)
+        run.least_decay = _DECAY / float(row_times[-1])
     else:
         dropped = periods // 2 if average.discard is None else int(average.discard)
         first = max(dropped, 1 if run.offset > 0.0 else 0)
         row_wraps = first + np.round(np.linspace(0, periods, min(ROWS, periods) + 1)).astype(np.int64)
         row_times = np.full(row_wraps.size, math.inf)
         run.most_steps = _STEPS_A_PERIOD * int(row_wraps[-1])
+        run.least_decay = _DECAY / (2.0 * math.pi * int(row_wraps[-1]) / run.rate)
     frame = np.zeros((len(system.all_states), columns))
     # any frame that no direction of the system is likely to be orthogonal to
     frame[:n] = np.linalg.qr(np.random.default_rng(0).standard_normal((n, columns)))[0]

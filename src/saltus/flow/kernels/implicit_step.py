@@ -27,6 +27,7 @@ SOLVED = 1e-11  # size of a Newton step, over the states', behind which the next
 ROUNDING = 32.0 * 2.220446049250313e-16  # residual, over its terms, that is rounding
 STALLED = 1e-7  # the same, up to which steps that no longer shrink are rounding
 REACH = 2.0  # step, over the one before, up to which the dense output is a guess for the next one
+LONGEST = 1e14  # longest step, times the fastest rate: at rest steps would grow beyond all numbers
 GROWN = 3.0  # growth over a step, in factors e, that the method follows
 ROUGH = 100.0  # coefficient of the polynomial of degree 7, in tolerances, up to which a step is accepted
 NUMBERS = types.CPointer(float64)
@@ -273,8 +274,8 @@ def roughness(n, used, x, increments, rtol, atol):
 
 
 @njit(**INNER)
-def growth_at(segment, x, stages):
-    """Return the rate at which the fastest growth at a state goes on, 0 where nothing grows."""
+def rate_at(segment, x, stages):
+    """Return a rate that steps at a state must resolve: that of the fastest growth, or a tiny part of the fastest rate."""
     outlined()
     n, fastest = segment.n, 0.0
     for e in range(n):
@@ -289,7 +290,7 @@ def growth_at(segment, x, stages):
             if not abs(stages.out[n + a * n + b]) < math.inf:
                 return math.inf
     for value in np.linalg.eigvals(J):
-        fastest = max(fastest, value.real)
+        fastest = max(fastest, value.real, GROWN * abs(value) / LONGEST)
     return fastest
 
 
@@ -308,7 +309,7 @@ def error_of(segment, h, used, x, stages, rtol, atol):
     end = stages.column
     for e in range(n):
         end[e] = x[e] + stages.increments[(STAGES - 1) * n + e]
-    fastest = max(growth_at(segment, x, stages), growth_at(segment, end, stages))
+    fastest = max(rate_at(segment, x, stages), rate_at(segment, end, stages))
     return max(error, (abs(h) * longest * fastest / GROWN) ** 8)
 
 
