@@ -249,6 +249,7 @@ class EventDrivenMotion:
         """Go on by implicit steps where stability limits explicit ones; go back where they are not worth their time."""
         if self.tries < self._again:
             return
+        before = self._implicit
         pace = (self.time - self._chosen_at) / (self.tries - self._chosen)
         if self._implicit:
             self._implicit = pace > worth(self.x.size) * self._explicit
@@ -263,8 +264,9 @@ class EventDrivenMotion:
             modes = range(len(self.system.modes))
             self._implicit = fast and all(may_be_implicit(compiled, mode, self.x, self.p, count) for mode in modes)
             self._explicit = pace
-        self.addresses = self.system.compiled.addresses if self._implicit else self.system.compiled.motion
-        self.__dict__.pop("records", None)
+        if self._implicit != before:
+            self.addresses = self.system.compiled.addresses if self._implicit else self.system.compiled.motion
+            self.__dict__.pop("records", None)
 
     def _sticking(self, surface: str) -> StickingError:
         """Return the error of a motion that a jump of its field holds."""

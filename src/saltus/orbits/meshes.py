@@ -65,24 +65,22 @@ def adapted(
             meshes.append(mesh[: count + 1].copy())
         return meshes
 
-    explicit: list[NDArray[np.float64]] | int = 0
-    if not implicit:
-        explicit = made(segment_kernels.adapt, _FEW_STEPS)
-        if not isinstance(explicit, int) and max(map(len, explicit)) <= FEW:
-            return explicit, False
-    room = float(segment_kernels.MOST_STEPS)
+    def longest(meshes: list[NDArray[np.float64]]) -> int:
+        return max(map(len, meshes))
+
+    few = 0 if implicit else made(segment_kernels.adapt, _FEW_STEPS)
+    if not isinstance(few, int) and longest(few) <= FEW:
+        return few, False
     starts = [np.ascontiguousarray(block[:-1]) for block in blocks]
-    if all(may_be_implicit(compiled, int(mode), x, p, states) for mode, x in zip(modes, starts, strict=True)):
-        meshes = made(implicit_kernels.adapt, _FEW_STEPS)
-        if not isinstance(meshes, int):
-            room = min(room, worth(compiled.n) * max(map(len, meshes)))
-            if implicit or (not isinstance(explicit, int) and max(map(len, explicit)) > room):
-                return meshes, True
-            if isinstance(explicit, int):
-                explicit = made(segment_kernels.adapt, int(room))
-            return (meshes, True) if isinstance(explicit, int) else (explicit, False)
-    if isinstance(explicit, int):
-        explicit = made(segment_kernels.adapt, int(room))
+    may = all(may_be_implicit(compiled, int(mode), x, p, states) for mode, x in zip(modes, starts, strict=True))
+    stiff = made(implicit_kernels.adapt, _FEW_STEPS) if may else 0
+    if implicit and not isinstance(stiff, int):
+        return stiff, True
+    most = segment_kernels.MOST_STEPS
+    room = most if isinstance(stiff, int) else min(most, int(worth(compiled.n) * longest(stiff)))
+    explicit = made(segment_kernels.adapt, room) if isinstance(few, int) else few
+    if not isinstance(stiff, int) and (isinstance(explicit, int) or longest(explicit) > room):
+        return stiff, True
     return explicit if isinstance(explicit, int) else (explicit, False)
 
 

@@ -210,8 +210,6 @@ def converge(
     problem = OrbitProblem(system, signature, p, tol=tol)
     given, first = u, problem
     try:
-        if problem.start(u) is None and problem.stiff:
-            first, given = problem, u = started_elsewhere(problem, u) or (problem, u)
         u, J = solve_unknowns(problem, given)
         chosen, turned = settle_signature(problem, u)
         if chosen != signature:
@@ -295,6 +293,8 @@ def solve_unknowns(
     """
     given = u
     u = _within_reach(problem, u)
+    if problem.stiff and unfolded is None and (moved := started_elsewhere(problem, u)) is not None:
+        u = _within_reach(problem, moved[1])
     evaluate = problem.evaluate if unfolded is None else unfolded.evaluate
     scale = sizes_of_unknowns(problem, u)
     if unfolded is not None:

@@ -61,7 +61,7 @@ from saltus.flow.kernels.state import (
     system_pointers,
 )
 from saltus.flow.kernels.step import FIELD, ROUNDING, first_step, size_of_terms
-from saltus.flow.kernels.trial import attempt, interpolant, landing_interpolant
+from saltus.flow.kernels.trial import attempt, interpolant
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, PART, call, outlined, pointer, stack
@@ -311,7 +311,7 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
     for k in range(system.n_transitions):
         active = active or system.transitions[3 * k] == mode
     if active or steps.room > 0:
-        interpolant(system, tolerances, state, mode, h, room, dense)
+        interpolant(system, tolerances, state, mode, h, room.x_end, state.slopes, state.guess, room, dense)
     status = seek(system, tolerances, state, mode, h, room.x_end, dense, crossings, ends, fit, room.y, room.event)
     if status != DONE:
         numbers[STEP] = 0.5 * h
@@ -344,7 +344,8 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
     if _at_two_fold(system, fired, room):
         return LEFT_DOMAIN
     if steps.room > 0 and dt > 0.0:
-        landing_interpolant(system, tolerances, state, mode, dt, room, dense)
+        guess = pointer(state.guess, 7 * n)
+        interpolant(system, tolerances, state, mode, dt, room.landing, room.trial, guess, room, dense)
         record_step(steps, state, n, dt, mode, dense)
     advance(numbers, dt)
     _sides_after(system, state, mode, fired, fraction, crossings)

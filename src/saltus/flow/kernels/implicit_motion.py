@@ -12,10 +12,10 @@ from saltus.flow.kernels.implicit_step import (
     NUMBERS,
     STAGES,
     SYSTEM,
-    C,
     Forced,
     dense_increments,
     error_of,
+    guessed,
     laid_out,
     linearised,
     room_for,
@@ -24,9 +24,17 @@ from saltus.flow.kernels.implicit_step import (
     varied_stages,
 )
 from saltus.flow.kernels.segment import Segment
-from saltus.flow.kernels.stages import dense_value
-from saltus.system.numba_tools.machine_code import cfunc
-from saltus.system.numba_tools.pointers import keep, pointer
+from saltus.system.numba_tools.machine_code import cfunc, njit
+from saltus.system.numba_tools.pointers import INNER, keep, pointer
+
+
+@njit(**INNER)
+def _stages_in_time(block, pivots, n):
+    """Return the scratch of a step whose variable is the time, laid out as by `laid_out`."""
+    stages = laid_out(block, pivots, n)
+    for i in range(STAGES):
+        stages.rates[i] = 1.0
+    return stages
 
 
 @cfunc(float64(*SYSTEM, int64, float64, float64, NUMBERS, float64, float64, NUMBERS, NUMBERS), error_model="numpy")
@@ -37,9 +45,7 @@ def attempt(functions, mode, n, p, n_states, h, before, x, rtol, atol, x_end, gu
     """
     segment = Segment(functions, mode, 1.0, p, n)
     block, pivots = np.empty(room_for(n)), np.empty(STAGES * n, np.int64)
-    stages, error = laid_out(pointer(block, 0), pointer(pivots, 0), n), math.inf
-    for i in range(STAGES):
-        stages.rates[i] = 1.0
+    stages, error = _stages_in_time(pointer(block, 0), pointer(pivots, 0), n), math.inf
     for e in range(STAGES * n):
         stages.guess[e] = guess[e]
     if taken(segment, h, before, x, stages):
@@ -61,20 +67,13 @@ def carry(functions, mode, n, p, h, whole, begun, guess, columns, y, trial, roug
     """
     segment = Segment(functions, mode, 1.0, p, n)
     size = STAGES * n
-    block, pivots = np.empty(room_for(n) + size * columns + 2 * n), np.empty(size, np.int64)
-    stages = laid_out(pointer(block, 0), pointer(pivots, 0), n)
-    moved, base = pointer(block, room_for(n)), pointer(block, room_for(n) + size * columns)
-    for e in range(n):
-        base[n + e] = 0.0
-    dense_value(guess, 0, n, base, n, begun / whole, base)
-    for e in range(n):
-        base[e] = -base[e]
-    for i in range(STAGES):
-        stages.rates[i] = 1.0
-        dense_value(guess, 0, n, base, 0, (begun + C[i] * h) / whole, pointer(stages.increments, i * n))
+    block, pivots = np.empty(room_for(n) + size * columns + n), np.empty(size, np.int64)
+    stages = _stages_in_time(pointer(block, 0), pointer(pivots, 0), n)
+    moved, slope = pointer(block, room_for(n)), pointer(block, room_for(n) + size * columns)
+    guessed(n, guess, whole, begun, h, stages)
     done = solved(segment, h, y, stages) and linearised(segment, h, y, stages)
     if done:
-        varied_stages(segment, Forced(columns, columns, functions, 0, p), h, y, stages, moved, base)
+        varied_stages(segment, Forced(columns, columns, functions, 0, p), h, y, stages, moved, slope)
         for e in range(n):
             trial[e] = y[e] + stages.increments[(STAGES - 1) * n + e]
         for c in range(columns):
@@ -98,15 +97,10 @@ def within(functions, mode, n, p, h, whole, x, x_end, guess):
     """
     segment = Segment(functions, mode, 1.0, p, n)
     block, pivots = np.empty(room_for(n)), np.empty(STAGES * n, np.int64)
-    stages = laid_out(pointer(block, 0), pointer(pivots, 0), n)
-    for e in range(n):
-        x_end[e] = 0.0
-    for i in range(STAGES):
-        stages.rates[i] = 1.0
-        dense_value(guess, 0, n, x_end, 0, C[i] * h / whole, pointer(stages.increments, i * n))
+    stages = _stages_in_time(pointer(block, 0), pointer(pivots, 0), n)
+    guessed(n, guess, whole, 0.0, h, stages)
     if not solved(segment, h, x, stages):  # the step's own dense output is as exact as its tolerance
-        for i in range(STAGES):
-            dense_value(guess, 0, n, x_end, 0, C[i] * h / whole, pointer(stages.increments, i * n))
+        guessed(n, guess, whole, 0.0, h, stages)
     dense_increments(n, stages.increments, pointer(guess, STAGES * n))
     for e in range(n):
         x_end[e] = x[e] + stages.increments[(STAGES - 1) * n + e]

@@ -74,6 +74,8 @@ class Stages(NamedTuple):
         A right-hand side, or the solution.
     terms : pointer, (7 n,)
         Sizes of the terms of the right-hand side, whose rounding it has.
+    scales : pointer, (7 n,)
+        By what the matrix's rows are multiplied.
     frame, out : pointer, (n + n n,)
         Arguments and values of the generated functions.
     guess : pointer, (8 n,)
@@ -89,6 +91,7 @@ class Stages(NamedTuple):
     matrix: object
     column: object
     terms: object
+    scales: object
     frame: object
     out: object
     guess: object
@@ -99,7 +102,7 @@ class Stages(NamedTuple):
 def room_for(n):
     """Return how many numbers the scratch of an implicit step takes."""
     size = STAGES * n
-    return 2 * STAGES + 4 * size + size * size + 2 * (n + n * n) + (STAGES + 1) * n
+    return 2 * STAGES + 5 * size + size * size + 2 * (n + n * n) + (STAGES + 1) * n
 
 
 @njit(**INNER)
@@ -109,17 +112,29 @@ def laid_out(block, pivots, n):
     increments = pointer(block, 2 * STAGES)
     matrix = pointer(increments, 2 * size)
     column = pointer(matrix, size * size)
-    frame = pointer(column, 2 * size)
+    frame = pointer(column, 3 * size)
     return Stages(
-        block, pointer(block, STAGES), increments, pointer(increments, size), matrix, column, pointer(column, size), frame, pointer(frame, n + n * n),
-        pointer(frame, 2 * (n + n * n)), pivots,
+        block, pointer(block, STAGES), increments, pointer(increments, size), matrix, column, pointer(column, size),
+        pointer(column, 2 * size), frame, pointer(frame, n + n * n), pointer(frame, 2 * (n + n * n)), pivots,
     )  # fmt: skip
 
 
 @njit(**INNER)
-def factorise(matrix, size, pivots):
-    """Replace a matrix by its triangular factors, rows exchanged; return whether it is regular."""
+def factorise(matrix, size, scales, pivots):
+    """Replace a matrix by its triangular factors, rows scaled and exchanged; return whether it is regular.
+
+    Rows of fast states are as large as their rates. Beside them the pivots of slow ones would be lost in rounding.
+    """
     outlined()
+    for i in range(size):
+        row, largest = pointer(matrix, i * size), 0.0
+        for j in range(size):
+            largest = max(largest, abs(row[j]))
+        if not 0.0 < largest < math.inf:
+            return False
+        scales[i] = 1.0 / largest
+        for j in range(size):
+            row[j] *= scales[i]
     for k in range(size):
         best = k
         for i in range(k + 1, size):
@@ -144,9 +159,12 @@ def factorise(matrix, size, pivots):
 
 
 @njit(**INNER)
-def substitute(matrix, size, pivots, column):
+def substitute(stages, size, column):
     """Replace a right-hand side by the solution, from the factors of the matrix."""
     outlined()
+    matrix, pivots = stages.matrix, stages.pivots
+    for i in range(size):
+        column[i] *= stages.scales[i]
     for k in range(size):
         if pivots[k] != k:
             column[k], column[pivots[k]] = column[pivots[k]], column[k]
@@ -190,7 +208,7 @@ def linearised(segment, h, x, stages):
                     entry = weight * out[n + a * n + b]
                     row[b] = (1.0 if i == j and a == b else 0.0) - entry
                     terms[i * n + a] += abs(entry * frame[b])
-    return factorise(matrix, size, stages.pivots)
+    return factorise(matrix, size, stages.scales, stages.pivots)
 
 
 @njit(**INNER)
@@ -205,7 +223,7 @@ def solved(segment, h, x, stages):
         rounding = True
         for e in range(STAGES * n):
             rounding = rounding and abs(stages.column[e]) <= ROUNDING * stages.terms[e]
-        substitute(stages.matrix, STAGES * n, stages.pivots, stages.column)
+        substitute(stages, STAGES * n, stages.column)
         largest = 0.0
         for e in range(n):
             top, moved = abs(x[e]), 0.0
@@ -228,18 +246,31 @@ def solved(segment, h, x, stages):
 
 
 @njit(**INNER)
+def guessed(n, dense, whole, begun, h, stages):
+    """Guess the increments of a step of length h that begins at `begun` of another one, from its dense output.
+
+    whole: length of that step; the guess is an extrapolation where this one ends behind it.
+    """
+    outlined()
+    base = pointer(stages.guess, STAGES * n)
+    for e in range(n):
+        base[e] = 0.0
+    dense_value(dense, 0, n, base, 0, begun / whole, base)
+    for e in range(n):
+        base[e] = -base[e]
+    for i in range(STAGES):
+        dense_value(dense, 0, n, base, 0, (begun + C[i] * h) / whole, pointer(stages.increments, i * n))
+
+
+@njit(**INNER)
 def taken(segment, h, before, x, stages):
     """Take a step of the state, of which the increments are left; return whether its equations are solved.
 
     before: length of the step whose dense output `stages.guess` holds, 0 for none.
     """
-    n, guess = segment.n, stages.guess
+    n = segment.n
     if 0.0 < before and h <= REACH * before:
-        base = pointer(guess, STAGES * n)
-        for e in range(n):
-            base[e] = -guess[e]
-        for i in range(STAGES):
-            dense_value(guess, 0, n, base, 0, 1.0 + C[i] * h / before, pointer(stages.increments, i * n))
+        guessed(n, stages.guess, before, before, h, stages)
         if solved(segment, h, x, stages):
             return True
     for e in range(STAGES * n):
@@ -351,4 +382,4 @@ def varied_stages(segment, forced, h, y, stages, moved, slope):
                 for e in range(n):
                     moved[c * size + i * n + e] += weight * slope[e]
     for c in range(columns):
-        substitute(stages.matrix, size, stages.pivots, pointer(moved, c * size))
+        substitute(stages, size, pointer(moved, c * size))

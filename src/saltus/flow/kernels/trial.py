@@ -6,13 +6,12 @@ import math
 
 from numba import int64
 
+from saltus.flow.kernels.implicit_step import REACH
 from saltus.flow.kernels.stages import error_norm
 from saltus.flow.kernels.state import GUESSED, TWO_PI
 from saltus.flow.kernels.step import FIELD, dense_output, full_step, step_factor
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, PART, call, invoke, outlined, pointer
-
-GROWTH = 2.0  # implicit step, over the one before, at most: its guess is extrapolated
+from saltus.system.numba_tools.pointers import INNER, PART, call, invoke, outlined
 
 
 @njit(**PART)
@@ -30,7 +29,7 @@ def attempt(system, tolerances, state, mode, stride, room):
             (addresses, mode, n, p, system.n_states, h, before, state.x, tolerances.rtol, tolerances.atol, x_end,
              state.guess),
         )  # fmt: skip
-        factor = min(GROWTH, step_factor(error, h, state.numbers))
+        factor = min(REACH, step_factor(error, h, state.numbers))
     accepted = error <= 1.0
     if accepted:
         if stride.wraps:
@@ -54,29 +53,16 @@ def step_to(system, within, state, mode, h, dt, room):
 
 
 @njit(**INNER)
-def interpolant(system, tolerances, state, mode, h, room, dense):
-    """Write the dense output of a step that has just been taken to `room.x_end`."""
+def interpolant(system, tolerances, state, mode, h, x_end, slopes, guess, room, dense):
+    """Write the dense output of a step, or a part of one, that has just been taken to `x_end`.
+
+    slopes: those of an explicit step; guess: where an implicit one has left its dense output.
+    """
     outlined()
+    n, x = system.n, state.x
     if tolerances.attempt == 0:
-        x_end, slopes = room.x_end, state.slopes
-        dense_output(system.addresses, mode, system.n, system.p, h, state.x, x_end, slopes, room.y, dense)
-    else:
-        _keep_guess(system.n, state.x, room.x_end, state.guess, dense)
-
-
-@njit(**INNER)
-def landing_interpolant(system, tolerances, state, mode, dt, room, dense):
-    """Write the dense output of the part of a step that has landed on `room.landing`."""
-    outlined()
-    n = system.n
-    if tolerances.attempt == 0:
-        dense_output(system.addresses, mode, n, system.p, dt, state.x, room.landing, room.trial, room.y, dense)
-    else:
-        _keep_guess(n, state.x, room.landing, pointer(state.guess, 7 * n), dense)
-
-
-@njit(**INNER)
-def _keep_guess(n, x, x_end, guess, dense):
+        dense_output(system.addresses, mode, n, system.p, h, x, x_end, slopes, room.y, dense)
+        return
     for e in range(7 * n):
         dense[e] = guess[e]
     for e in range(n):  # the end may have been moved to a surface, or the phase's wrap
