@@ -73,7 +73,9 @@ def test_a_forced_linear_system_has_its_exact_response(k: float) -> None:
     response = k / (k - 1.0 + 1j * k)
     np.testing.assert_allclose(orbit.x0, [response.real, (1j * response).real], atol=1e-12)
     slow = -2.0 * k / (k + np.sqrt(k * k - 4.0 * k))
-    np.testing.assert_allclose(sorted(abs(orbit.multipliers)), [0.0, np.exp(2.0 * np.pi * slow)], rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(
+        sorted(abs(orbit.multipliers)), [0.0, np.exp(2.0 * np.pi * slow)], rtol=1e-11, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("lag", [1e-2, 1e-5, 1e-8])

@@ -29,7 +29,7 @@ _MOST = np.iinfo(np.int64).max  # a count that is never reached
 _WATCHED = 2048  # steps tried between two looks at whether a motion sticks
 _HUGE = 1e250  # value beyond which an event function is not finite: sums of some of its values overflow
 _CHOSEN = 500  # steps tried between two looks at whether stability limits them
-_FAST = 2.5  # step, times the rate of the fastest decay, from which on stability limits explicit ones: it may reach 6
+_FAST = 1.0  # mean step, times the rate of the fastest decay, from which on stability limits explicit ones
 _LOOKS = 3  # looks in a row at which a motion that sticks is held
 
 
@@ -228,9 +228,6 @@ class EventDrivenMotion:
         DivergenceError
             An event function is not finite.
         """
-        if self.tries - self._chosen >= _CHOSEN:
-            self._choose_steps()
-            self._chosen, self._chosen_at = self.tries, self.time
         if self.tries - self._watched < _WATCHED:
             self.budget = max(self.budget, _WATCHED)
         else:
@@ -242,6 +239,9 @@ class EventDrivenMotion:
                 raise DivergenceError(self.time, self.x, self.system.mode_names[self.mode], infinite)
             if surface is not None and self._looks >= _LOOKS:
                 raise self._sticking(surface)
+        if self.tries - self._chosen >= _CHOSEN:
+            self._choose_steps()
+            self._chosen, self._chosen_at = self.tries, self.time
         if self.most_steps is not None and self.tries > self.most_steps and not self._looks:
             raise StiffnessError(self.time, self.x, self.system.mode_names[self.mode], self.tries)
 
@@ -259,12 +259,14 @@ class EventDrivenMotion:
             if not np.all(np.isfinite(J)):
                 return
             decay = -float(np.linalg.eigvals(J).real.min(initial=0.0))
-            fast = decay > self.least_decay and float(self.numbers[self.kernels.STEP_BEFORE]) * decay > _FAST
+            fast = decay > self.least_decay and pace * decay > _FAST
             compiled, count = self.system.compiled, len(self.system.states)
             modes = range(len(self.system.modes))
             self._implicit = fast and all(may_be_implicit(compiled, mode, self.x, self.p, count) for mode in modes)
             self._explicit = pace
+            self._again = 0.0 if self._implicit else 1.5 * self.tries
         if self._implicit != before:
+            self.budget = _CHOSEN  # they are soon held against the others
             self.addresses = self.system.compiled.addresses if self._implicit else self.system.compiled.motion
             self.__dict__.pop("records", None)
 
