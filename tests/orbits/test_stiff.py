@@ -78,6 +78,22 @@ def test_a_forced_linear_system_has_its_exact_response(k: float) -> None:
     )
 
 
+@pytest.mark.parametrize(("count", "unit"), [(8, 1.0), (12, 1.0), (10, 1e-6), (10, 1e9)])
+def test_a_chain_with_rates_over_seven_decades_has_its_exact_response(count: int, unit: float) -> None:
+    rates, names = np.logspace(0.0, 7.0, count) / unit, [f"x{i}" for i in range(count)]
+    field = {
+        name: f"{float(rate)!r}*({before} - {name})"
+        for name, before, rate in zip(names, ["cos(s)", *names[:-1]], rates, strict=True)
+    }
+    system = HybridSystem(tuple(names), {"w": 1.0 / unit}, {"m": Mode(field)}, phase=("s", "w"))
+    orbit = find_orbit(system, x0=np.zeros(count))
+    np.testing.assert_allclose(orbit.x0, np.cumprod(rates / (rates + 1j / unit)).real, atol=1e-13)
+    assert np.abs(orbit.multipliers).max() == pytest.approx(np.exp(-2.0 * np.pi), rel=1e-10)
+    branch = saltus.continue_orbit(orbit, "w", (0.5 / unit, 2.0 / unit))
+    assert all("bound reached" in stop for stop in branch.stopped)
+    assert len(branch.special_points) == 0
+
+
 @pytest.mark.parametrize("lag", [1e-2, 1e-5, 1e-8])
 def test_a_relay_with_a_fast_sensor_switches_where_closed_forms_say(lag: float) -> None:
     system = HybridSystem(
