@@ -1,7 +1,7 @@
 # saltus: `make` lists the targets. PYTHON=python3.12 make ... chooses the interpreter.
 .POSIX:
 .NOTPARALLEL:
-.PHONY: help demo test campaign lint bench lock clean
+.PHONY: help demo test campaign thorough lint bench lock clean
 
 BIN = .venv/bin
 PYTEST_ARGS = -n 2 --dist worksteal
@@ -19,8 +19,12 @@ test: lint ## all checks: those of lint, then the tests (PYTEST_ARGS="-n 0 -k fl
 
 campaign: ## tests that guard no single change; then points and words with three kernels of OpenBLAS
 	@tools/make_env.sh test
-	$(BIN)/python -m pytest -m campaign $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "campaign and not thorough" $(PYTEST_ARGS)
 	$(BIN)/python tests/campaign/rounding.py
+
+thorough: ## before a release: the many random systems of which the campaign runs some
+	@tools/make_env.sh test
+	$(BIN)/python -m pytest -m thorough $(PYTEST_ARGS)
 
 lint: ## style, types and the contract between the floors
 	@tools/make_env.sh test

@@ -1,4 +1,4 @@
-"""Which cases of a test guard each change, and which wait for the campaign."""
+"""Which cases of a test guard each change, which wait for the campaign, and which for a release."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from typing import Any
 
 import pytest
 
+CAMPAIGN = (pytest.mark.campaign,)
+THOROUGH = (pytest.mark.campaign, pytest.mark.thorough)
 
-def guarding(cases: Iterable[Any], *kept: Any) -> list[Any]:
+
+def guarding(cases: Iterable[Any], *kept: Any, campaign: int | None = None) -> list[Any]:
     """Return the parameters of a test: `make test` runs those kept, `make campaign` the others.
 
-    A case that is a tuple is a row of several arguments.
+    A case that is a tuple is a row of several arguments. Where `campaign` is given, the campaign runs so many of the
+    others, the first ones, and `make thorough` the rest.
 
     Raises
     ------
@@ -21,8 +25,12 @@ def guarding(cases: Iterable[Any], *kept: Any) -> list[Any]:
     cases = list(cases)
     if unknown := [case for case in kept if case not in cases]:
         raise ValueError(f"{unknown} are none of the cases {cases}")
-    rows = [case if isinstance(case, tuple) else (case,) for case in cases]
-    return [
-        pytest.param(*row, marks=() if case in kept else pytest.mark.campaign)
-        for case, row in zip(cases, rows, strict=True)
-    ]
+    parameters, others = [], 0
+    for case in cases:
+        row = case if isinstance(case, tuple) else (case,)
+        marks: tuple[pytest.MarkDecorator, ...] = ()
+        if case not in kept:
+            marks = CAMPAIGN if campaign is None or others < campaign else THOROUGH
+            others += 1
+        parameters.append(pytest.param(*row, marks=marks))
+    return parameters
