@@ -26,7 +26,10 @@ NAMES = [str(page.relative_to(ROOT)) for page in PAGES if blocks(page)]
 LONG = {
     f"docs/{name}.md" for name in ("basins", "branch-switching", "conservative", "families", "fitting", "optimisation")
 }
-LONG |= {f"docs/{name}.md" for name in ("afm", "afm/loops", "afm/modulus", "afm/probe_and_drive")}
+LONG |= {
+    f"docs/{name}.md"
+    for name in ("afm", "afm/laws", "afm/loops", "afm/modulus", "afm/probe_and_drive", "changing_dimension")
+}
 
 
 @pytest.mark.parametrize(

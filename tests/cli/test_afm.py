@@ -413,6 +413,7 @@ def measured(lever, readings):
     return ["afm", "fit", str(lever.with_name("apd.csv")), str(lever), "-o", str(lever.with_name("fit.nc"))]
 
 
+@pytest.mark.campaign
 def test_a_measured_curve_is_fitted_by_the_command_with_columns_of_other_names(measured, lever, readings, capsys):
     readings.rename(columns={"amplitude_nm": "Amp"}).to_csv(lever.with_name("apd.csv"), index=False)
     names = 'columns = {Zc_nm = "Zc_nm", amplitude_nm = "Amp", lag_deg = "lag_deg"}\n'

@@ -143,6 +143,7 @@ def test_the_doubling_locus_ends_on_the_grazing_locus_where_that_one_meets_it(br
         assert min(np.abs(np.subtract(end, place)).max() for place in meetings) < 1e-8
 
 
+@pytest.mark.campaign
 def test_loci_do_not_depend_on_where_they_start(locus_of):
     bounds = {name: BOUNDS[name] for name in ("Omega", "ybar")}
     for label in ("SN1", "PD1", "GR1"):

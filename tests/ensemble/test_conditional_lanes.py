@@ -21,6 +21,7 @@ def gate():
     )  # fmt: skip
 
 
+@pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore:saltus. 'release' lands beyond")
 @pytest.mark.parametrize(
     ("system", "parameters", "starts", "alone"),
@@ -66,6 +67,7 @@ def oscillator(*transitions):
                 Transition("soft", "soft", "0.6 - 2*x", -1, {"v": "0.8*v"}, when="v - 0.2", name="slowed"),
             ],
             id="one event after the other at one surface",
+            marks=pytest.mark.campaign,
         ),
         pytest.param(
             [
@@ -75,6 +77,7 @@ def oscillator(*transitions):
                 Transition("hard", "soft", "x + 0.2", -1),
             ],
             id="an event of the mode to which the one before leads",
+            marks=pytest.mark.campaign,
         ),
         pytest.param(
             [
@@ -83,6 +86,7 @@ def oscillator(*transitions):
                 Transition("stiff", "soft", "x", 0, {"v": "0.8*v"}, when="1.1 - v*v"),
             ],
             id="a reset that turns speeds about, and thresholds",
+            marks=pytest.mark.campaign,
         ),
     ],
 )
@@ -128,6 +132,7 @@ def test_a_motion_starts_in_no_mode_that_lacks_a_state_which_it_has():
     assert ensemble.left_over == 0
 
 
+@pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore:saltus. 'release' lands beyond")
 def test_basins_in_a_mode_that_lacks_a_state_are_those_of_single_motions():
     system, parameters = wall(), {"A": 0.2}

@@ -16,6 +16,7 @@ def wells():
     )  # fmt: skip
 
 
+@pytest.mark.campaign
 def test_basins_of_motions_that_slide_are_those_of_single_motions(wells):
     attractors = saltus.find_attractors(wells, {}, {"x": (-1.5, 1.5), "v": (-1.0, 1.0)})
     basins = saltus.map_basins(wells, {}, {"x": (-1.5, 1.5, 40), "v": (-1.0, 1.0, 41)}, attractors)

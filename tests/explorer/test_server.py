@@ -127,6 +127,7 @@ def test_a_desk_is_kept_while_its_page_is_open(office, tmp_path):
     assert not (tmp_path / name).exists()
 
 
+@pytest.mark.campaign
 def test_a_session_that_was_not_closed_is_gone_on_with(office, toys, tmp_path, taken_steps):
     steps, results = taken_steps
     session = office.desk(None).session

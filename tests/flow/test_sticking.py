@@ -122,6 +122,7 @@ def test_a_fast_oscillation_is_told_by_its_steps(k):
     assert "it is stiff there" in sweep.reasons[0, 0]
 
 
+@pytest.mark.campaign
 def test_a_phase_that_hardly_turns_is_told_by_its_steps():
     with pytest.raises(StiffnessError, match="its period is very long"):
         find_orbit(systems_stiff(), {"k": 1.0, "w": 1e-9}, [0.0, 0.0], settle=100)

@@ -79,6 +79,7 @@ def test_a_branch_of_orbits_that_rest_has_no_points_where_impacts_are_summed_up(
     np.testing.assert_allclose(branch.x0[index], again.x0, atol=1e-9)
 
 
+@pytest.mark.campaign
 def test_sweeps_go_through_rests():
     swept = saltus.run_sweep(table(), "a", [1.1, 1.2, 1.3], x0=[0.0, 5.0])
     assert "period-1" in repr(swept)

@@ -190,6 +190,7 @@ def test_a_pull_away_from_the_surface_is_refused():
         )
 
 
+@pytest.mark.campaign
 def test_two_oblique_surfaces_with_long_fields_are_defined_in_seconds():
     def rate(a, own, b, other, c):
         return f"{a} - 0.3*{own} + ({b})*{other} + ({c})*cos(theta)"

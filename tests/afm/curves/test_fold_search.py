@@ -63,6 +63,7 @@ def test_the_raw_form_of_kelvin_and_voigt_is_refused_at_once_with_the_cure():
     assert afm.bistability(impulse, A0_nm=(9.0, 13.0), Zc_nm=(4.0, 12.0)).critical_amplitude_nm > 10.0
 
 
+@pytest.mark.campaign
 def test_cusp_and_critical_amplitude(region):
     assert region.cusp == pytest.approx((25.6149973, 25.1789782), abs=1e-7)
     assert region.critical_amplitude_nm == pytest.approx(CRITICAL, abs=1e-7)

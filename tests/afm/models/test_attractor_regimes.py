@@ -58,6 +58,7 @@ def test_labels_are_where_motions_end_and_axes_have_units(system, attractors):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$z_{1}$ (nm)", "$v_{1}$ (nm/us)")
 
 
+@pytest.mark.campaign
 def test_letters_tell_several_attractors_of_one_regime_apart(attractors):
     assert attractors.renamed(["attractive", "attractive"]).names == ("attractive A", "attractive B")
     for names in (["one"], ["one", "diverged"]):

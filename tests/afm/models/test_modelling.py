@@ -439,6 +439,7 @@ def test_gaps_in_another_order_are_refused_by_the_domain(neck, values):
         saltus.simulate(neck, values, [0.0, 0.0], periods=100)
 
 
+@pytest.mark.campaign
 def test_a_branch_ends_where_gaps_change_their_order(neck):
     orbit = saltus.find_orbit(neck, x0=[0.0, 0.0])
     for name, bounds, last in (("on_nm", (0.1, 0.6), 0.3), ("off_nm", (0.2, 1.5), 0.6)):

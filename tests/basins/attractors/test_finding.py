@@ -136,6 +136,7 @@ def test_a_stable_orbit_is_periodic_even_where_no_ellipsoid_contracts(monkeypatc
     assert found.fates["undecided"] == 0
 
 
+@pytest.mark.campaign
 def test_motions_that_creep_away_from_an_unstable_orbit_find_no_attractor_there():
     # multiplier 1.01 at 0, and 0.98 at the attractors +-0.1
     system = carried(("x",), {}, {"x": "1.01*x - x**3"})

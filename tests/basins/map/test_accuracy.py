@@ -68,6 +68,7 @@ def test_the_map_of_lanes_is_that_of_another_solver(accuracy):
     assert error.median <= accuracy.MEDIAN
 
 
+@pytest.mark.campaign
 def test_the_error_of_the_map_follows_the_tolerance(accuracy):
     loose, tight = (accuracy.map_error(100, seed=8, tolerance=tolerance) for tolerance in (1e-4, 1e-10))
     assert loose.median > 100.0 * tight.median

@@ -132,6 +132,7 @@ def test_cycles_of_a_bursting_neuron_shrink_to_their_hopf_points(
     assert len(branch) >= 15
 
 
+@pytest.mark.campaign
 def test_a_canard_is_no_homoclinic_orbit(births: dict[str, Branch]) -> None:
     branch = births["HB1"]
     assert "the period grows while the parameter rests" in branch.stopped[0]
