@@ -130,6 +130,28 @@ def test_branches_loops_and_places_are_those_of_python(k):
             np.testing.assert_array_equal(results(machine, k, m, x, p), results(python, k, m, x, p))
 
 
+def test_tuples_and_loops_within_loops_are_those_of_python():
+    machine, python = of_text(
+        """
+        if k == 0:
+            places = (2, 0, 1, 1,)
+            ends = (0, 1, 1, 4,)
+            values = (x[0], -2.5, x[1]*p[0], 3,)
+            for i in range(3):
+                for c in range(m):
+                    out[i*m + c] = 0.0
+                for e in range(ends[i], ends[i + 1]):
+                    for c in range(m):
+                        out[i*m + c] = out[i*m + c] + values[e]*x[places[e]*m + c]
+        """
+    )
+    x, p = np.linspace(-1.3, 2.1, 15), [0.7]
+    for m in (0, 1, 2, 5):
+        np.testing.assert_array_equal(results(machine, 0, m, x, p), results(python, 0, m, x, p))
+    expected = np.array([[0.0, 0.0, x[0]], [0.0, 0.0, 0.0], [-2.5, x[1] * 0.7 + 3.0, 0.0]]) @ x.reshape(3, 5)
+    np.testing.assert_allclose(results(machine, 0, 5, x, p)[:15].reshape(3, 5), expected, atol=1e-15)
+
+
 @pytest.mark.parametrize("numbers", list(itertools.product([1.0, 2.0, -0.0, 0.0, math.nan], repeat=3)))
 def test_extremes_are_those_of_python_with_signs_and_nan(numbers, extremes):
     machine, python = extremes

@@ -18,6 +18,7 @@ from saltus.continuation.runs.options import asked_types, read_stops, unit_of
 from saltus.continuation.runs.quantity import QuantityRun
 from saltus.continuation.runs.run import Asked
 from saltus.equilibria import Equilibrium
+from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Report, Reporter
@@ -248,4 +249,5 @@ def continue_branch(
     interest = Interest(low / unit, high / unit, unit, kind.wanted(start, parameter, events))
     stops = read_stops(stop_at, [*kind.types, *asked_types(events)])
     run = kind(start, parameter, interest, Asked(control, directions, stops, reporter))
-    return run.branch(run.options([low, high], events))
+    with one_thread(len(start.system.states)):
+        return run.branch(run.options([low, high], events))

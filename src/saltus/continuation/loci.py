@@ -20,6 +20,7 @@ from saltus.continuation.runs.run import Asked
 from saltus.continuation.runs.two_parameters import TwoParameterRun, locus_run
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
+from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Report, Reporter
@@ -141,13 +142,14 @@ def continue_locus(
     reporter = Reporter(progress)
     # a special point, or a solution of any kind with its type
     point = start.itself if isinstance(start, SpecialPoint) else None
-    solution = start if point is None else point.solution
+    solution: Any = start if point is None else point.solution
     run = locus_run(solution)
     kind = _type_of(point, solution, run, type)
     plane = read_plane(solution, parameters, bounds)
     checks.chosen("directions", directions, ("both", "up", "down"))
     asked = Asked(control, directions, read_stops(stop_at, run.points()), reporter)
-    return run(point, solution, kind, plane, asked).locus()  # type: ignore[no-any-return]
+    with one_thread(len(solution.system.states)):
+        return run(point, solution, kind, plane, asked).locus()  # type: ignore[no-any-return]
 
 
 def _type_of(point: SpecialPoint[Any] | None, solution: Any, run: type[TwoParameterRun], given: str | None) -> str:

@@ -13,8 +13,10 @@ from saltus import checks
 from saltus.errors import ConvergenceError, DefinitionError, InputError, SaltusError, StiffnessError
 from saltus.flow.landings import warn_of
 from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_way
+from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.maps.solve import find_map_orbit
+from saltus.orbits.guesses import check_states
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.pieces import in_pieces
 from saltus.orbits.rounds import divided, rounds_of
@@ -143,6 +145,7 @@ def _found(
     from saltus.flow.starting import passed_event, starting_mode
 
     system = flowing(system)
+    check_states(system)
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     x = wrapped(system.full_state(x0, mode=mode), system.angle_places)
@@ -150,7 +153,8 @@ def _found(
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     search = _search_forced if system.phase is not None else _search_autonomous
     try:
-        orbit = in_pieces(search(system, p, x, start, longest, tol))
+        with one_thread(len(system.states)):
+            orbit = in_pieces(search(system, p, x, start, longest, tol))
     except StiffnessError as error:
         hint = f"settle= allows {_STEPS} steps for each period"
         raise StiffnessError(error.time, error.state, error.mode, error.steps, hint) from None

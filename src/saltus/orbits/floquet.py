@@ -313,10 +313,13 @@ def passage(before: Sequence[complex], values: Sequence[complex]) -> Passage:
     every = range(len(values))
     old, new = [_spot(value) for value in before], [_spot(value) for value in values]
     away = [[math.dist(a, b) for b in new] for a in old]
-    chosen = [-1] * len(values)
+    chosen, taken = [-1] * len(values), set[int]()
     for _, i, j in sorted([(away[i][j], i, j) for i in every for j in every]):
-        if chosen[i] < 0 and j not in chosen:
+        if chosen[i] < 0 and j not in taken:
             chosen[i] = j
+            taken.add(j)
+            if len(taken) == len(values):
+                break
     found = [values[j] for j in chosen]
     for i, value in enumerate(found):
         if value.imag * before[i].imag < 0.0 and (twin := value.conjugate()) in found:

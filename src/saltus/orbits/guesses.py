@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["read_guess"]
+__all__ = ["check_size", "check_states", "read_guess"]
+
+_MOST_UNKNOWNS = 4000  # unknowns of an orbit's equations, whose Jacobian is dense: 128 MB
 
 
 def read_guess(
@@ -132,3 +134,18 @@ def _transition_index(system: HybridSystem, mode: str, transition: str | None, i
         wanted = f"a transition out of {mode!r}: {', '.join(known) or 'none'}"
         raise InputError(f"segments[{i}] transition", transition, wanted, nearest(transition, known))
     return system.transition_names.index(transition)
+
+
+def check_states(system: HybridSystem) -> None:
+    """Raise `InputError` where a system has more states than the equations of an orbit can have."""
+    count, most = len(system.all_states), _MOST_UNKNOWNS - 1
+    if count > most:
+        hint = f"the Jacobian of its orbits' equations is dense: {8e-9 * (count + 1) ** 2:.3g} GB"
+        raise InputError("states of the system", count, f"at most {most} for its orbits", hint)
+
+
+def check_size(system: HybridSystem, signature: Signature) -> None:
+    """Raise `InputError` where an orbit has more segments than its equations can have."""
+    most = _MOST_UNKNOWNS // (len(system.all_states) + 1)
+    if len(signature) > most:
+        raise InputError("segments of the orbit", len(signature), f"at most {most}", "its equations would be too large")

@@ -12,13 +12,14 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.sticking import check_continuous
+from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.maps.solve import solve_map_orbit
 from saltus.orbits.cuts import check_measured, cut, held, piece_maps, started_elsewhere, stretched
 from saltus.orbits.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.floquet import nontrivial
-from saltus.orbits.guesses import read_guess
+from saltus.orbits.guesses import check_size, check_states, read_guess
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.pieces import in_pieces, solved_in_pieces
 from saltus.orbits.problem import OrbitProblem
@@ -38,7 +39,6 @@ __all__ = ["check_fields", "check_tol", "converge", "settle_signature", "solve_o
 
 _ON = 1e-8  # event function, over its variation with the states' sizes, up to which a state lies on the surface
 _ALONG = 1e-4  # part of a gradient across another one, over its length, up to which the two are parallel
-_MOST_UNKNOWNS = 4000  # unknowns of an orbit's equations, whose Jacobian is dense: 128 MB
 _ITERATIONS = 40  # Newton steps, at most
 _STEP_ACCEPTED = 1e-11  # largest Newton step, over the unknowns' sizes, of a converged orbit
 _STEP_AT_ROUNDING = 1e-6  # the same where the residual is rounding
@@ -168,12 +168,21 @@ def _solved(
     x0: ArrayLike | None, period: float | None, fix: Mapping[str, float] | None, free: str | None, tolerance: float,
 ) -> PeriodicOrbit | MapOrbit:  # fmt: skip
     system = flowing(system)
+    check_states(system)
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     wish = read_fix(system, fix, free)
     signature, u = read_guess(system, p, segments, x0, period)
-    if wish is not None:
-        return _converge_fixed(system, signature, u, p, tol, wish)
+    with one_thread(len(system.states)):
+        if wish is not None:
+            return _converge_fixed(system, signature, u, p, tol, wish)
+        return _converged(system, signature, u, p, tol)
+
+
+def _converged(
+    system: HybridSystem, signature: Signature, u: NDArray[np.float64], p: NDArray[np.float64], tol: float
+) -> PeriodicOrbit:
+    """Return the orbit of a signature near the unknowns `u`, cut where it is sensitive."""
     problem = OrbitProblem(system, signature, p, tol=tol)
     check_moves(problem, u)
     try:
@@ -206,7 +215,7 @@ def converge(
     system: HybridSystem, signature: Signature, u: NDArray[np.float64], p: NDArray[np.float64], tol: float
 ) -> PeriodicOrbit:
     """Return the orbit of a signature near the unknowns `u`, its segments' ends chosen to be regular."""
-    _check_size(system, signature)
+    check_size(system, signature)
     problem = OrbitProblem(system, signature, p, tol=tol)
     given, first = u, problem
     try:
@@ -237,7 +246,7 @@ def _converge_fixed(
     system: HybridSystem, signature: Signature, u: NDArray[np.float64], p: NDArray[np.float64], tol: float, wish: Wish
 ) -> PeriodicOrbit:
     """Return the orbit of a signature near the unknowns `u` of which a quantity has the wanted value."""
-    _check_size(system, signature)
+    check_size(system, signature)
     equations, guess = unfolded_at(OrbitProblem(system, signature, p, tol=tol), u, wish)
     equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
     problem = equations.problem
@@ -255,13 +264,6 @@ def _converge_fixed(
     orbit = sound_orbit(problem, own, problem.resolve(own)[1], fixed)
     check_fields(problem)
     return orbit
-
-
-def _check_size(system: HybridSystem, signature: Signature) -> None:
-    """Raise `InputError` where an orbit has more segments than its equations can have."""
-    most = _MOST_UNKNOWNS // (len(system.all_states) + 1)
-    if len(signature) > most:
-        raise InputError("segments of the orbit", len(signature), f"at most {most}", "its equations would be too large")
 
 
 def check_fields(problem: OrbitProblem) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import sympy
 
 from saltus.system.printer import is_broken, without_poles
 from saltus.system.regularise import multiple_of
-from saltus.system.writer import Writer
+from saltus.system.writer import Writer, zeros
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -16,6 +17,11 @@ if TYPE_CHECKING:
     from saltus.system.derivatives import Symbolic
 
 __all__ = ["FlowWriter", "SecondWriter", "ThirdWriter"]
+
+
+# states up to which the rows of Jacobian times columns are written out: the code of many takes long to compile, and
+# meets each column's entries far apart in memory
+_WRITTEN_OUT = 16
 
 
 class FlowWriter(Writer):
@@ -49,7 +55,7 @@ class FlowWriter(Writer):
     def _by_parameter(self, name: str, expressions: dict[int, list[sympy.Expr]]) -> str:
         branches = {}
         for k, group in expressions.items():
-            lines = [f"out[{i}] = 0.0" for i in range(len(group))]
+            lines = zeros(len(group))
             first, rooted = True, bool(self._vanishing_powers(group))
             for j in range(len(self.system.p)):
                 derivatives = self.system.along(group, j)
@@ -85,11 +91,29 @@ class FlowWriter(Writer):
             jacobian = [[without_poles(entry) for entry in row] for row in jacobian]
         entries = [(i, j) for i in range(n) for j in range(n) if jacobian[i][j] != 0]
         lines = self._assign(field, [jacobian[i][j] for i, j in entries], name="j")
+        if n > _WRITTEN_OUT:
+            return lines + self._product(entries)
         lines.append("for c in range(m):")
         for i in range(n):
             terms = [f"j{e} * x[{n} + {j} * m + c]" for e, (row, j) in enumerate(entries) if row == i]
             lines.append(f"    out[{n} + {i} * m + c] = {' + '.join(terms) if terms else '0.0'}")
         return lines
+
+    def _product(self, entries: list[tuple[int, int]]) -> list[str]:
+        """Product of a sparse matrix, whose entries are j0, j1, ... row by row, with the columns behind the state."""
+        n = self.n
+        ends = itertools.accumulate((sum(1 for row, _ in entries if row == i) for i in range(n)), initial=0)
+        return [
+            f"values = ({' '.join(f'j{e},' for e in range(len(entries)))})",
+            f"columns = ({' '.join(f'{j},' for _, j in entries)})",
+            f"ends = ({' '.join(f'{end},' for end in ends)})",
+            f"for i in range({n}):",
+            "    for c in range(m):",
+            f"        out[{n} + i * m + c] = 0.0",
+            "    for e in range(ends[i], ends[i + 1]):",
+            "        for c in range(m):",
+            f"            out[{n} + i * m + c] = out[{n} + i * m + c] + values[e] * x[{n} + columns[e] * m + c]",
+        ]
 
 
 class SecondWriter(Writer):

@@ -99,7 +99,14 @@ class Symbolic:
 
     def gradients(self, expressions: list[sympy.Expr], variables: list[sympy.Symbol]) -> list[list[sympy.Expr]]:
         """Derivatives of expressions with respect to some variables, shape (expression, variable)."""
-        return [[_smooth_diff(expression, symbol) for symbol in variables] for expression in expressions]
+        places = {symbol: i for i, symbol in enumerate(variables)}
+        rows = []
+        for expression in expressions:
+            row = [sympy.S.Zero] * len(variables)
+            for symbol in sorted(_symbols_and_corners(expression)[0] & places.keys(), key=places.__getitem__):
+                row[places[symbol]] = _smooth_diff(expression, symbol)
+            rows.append(row)
+        return rows
 
     def along(self, expressions: list[sympy.Expr], parameter: int) -> list[sympy.Expr]:
         """Derivatives of expressions with respect to one parameter."""

@@ -1,16 +1,17 @@
 """Machine code of generated functions, without Numba's analysis of types: their text is a small language of floats.
 
 A generated function ``(k, m, x, p, out) -> None`` assigns arithmetic and elementary functions of floats to names and to
-entries of `out`. It branches on the integer `k` and loops over `m` columns. The type of each name is plain from the
-text, so that the text becomes LLVM code in one pass: five times faster than by Numba, and with less memory. Elementary
-functions are those of Numba, and its optimisation follows. So the bits of the results are those of `numba.cfunc` with
-``error_model="numpy"``, except for floors beyond 64 bits, which are right here. The measurement is in
-docs/decisions/0029-generated-code-is-lowered-directly.md.
+entries of `out`. It branches on the integer `k`. It loops over columns, and over tuples of floats and integers. The
+type of each name is plain from the text, so that the text becomes LLVM code in one pass: five times faster than by
+Numba, and with less memory. Elementary functions are those of Numba, and its optimisation follows. So the bits of the
+results are those of `numba.cfunc` with ``error_model="numpy"``, except for floors beyond 64 bits, which are right here.
+The measurement is in docs/decisions/0029-generated-code-is-lowered-directly.md.
 """
 
 from __future__ import annotations
 
 import ast
+import itertools
 import math
 import operator
 from collections.abc import Callable, Iterable, Sequence
@@ -29,6 +30,7 @@ _DOUBLE = ir.DoubleType()
 _INTEGER = ir.IntType(64)
 _TRUTH = ir.IntType(1)
 _POINTER = _DOUBLE.as_pointer()
+_INTEGERS = _INTEGER.as_pointer()
 _SIGNATURE = ir.FunctionType(ir.VoidType(), [_INTEGER, _INTEGER, _POINTER, _POINTER, _POINTER])
 
 _OF_FLOATS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
@@ -97,11 +99,13 @@ class _Lowering:
         self._builder = ir.IRBuilder(code.append_basic_block())
         self._names: dict[str, Any] = {}
         self._outside: frozenset[str] = frozenset()  # names that a loop may not change
+        self._tuples = itertools.count()
         self._implementations: dict[Any, Callable[..., Any]] = {}
         self._expressions: dict[type[ast.expr], Callable[[Any], Any]] = {
             ast.Name: self._name,
             ast.Constant: self._constant,
             ast.Subscript: lambda node: self._builder.load(self._entry(node)),
+            ast.Tuple: self._tuple,
             ast.UnaryOp: self._negative,
             ast.BinOp: self._operation,
             ast.Compare: self._comparison,
@@ -131,9 +135,12 @@ class _Lowering:
                 case ast.If():
                     self._branch(statement)
                 case ast.For(
-                    iter=ast.Call(func=ast.Name(id="range"), args=[stop]), target=ast.Name(id=counter), orelse=[]
-                ) if counter not in self._names:
-                    self._loop(counter, stop, statement.body)
+                    iter=ast.Call(func=ast.Name(id="range"), args=[*begin, stop]),
+                    target=ast.Name(id=counter),
+                    orelse=[],
+                ) if counter not in self._names and len(begin) < 2:
+                    first = self._integer(begin[0]) if begin else _INTEGER(0)
+                    self._loop(counter, first, self._integer(stop), statement.body)
                 case ast.Pass() | ast.Expr(value=ast.Constant()):
                     pass
                 case _:
@@ -162,13 +169,13 @@ class _Lowering:
         self._builder.branch(behind)
         self._names = before
 
-    def _loop(self, counter: str, stop: ast.expr, body: Sequence[ast.stmt]) -> None:
+    def _loop(self, counter: str, first: Any, last: Any, body: Sequence[ast.stmt]) -> None:
         test, inside, behind = self._blocks(3)
-        last, first = self._integer(stop), self._builder.block
+        above = self._builder.block
         self._builder.branch(test)
         self._builder.position_at_end(test)
         index = self._builder.phi(_INTEGER)
-        index.add_incoming(_INTEGER(0), first)
+        index.add_incoming(first, above)
         self._builder.cbranch(self._builder.icmp_signed("<", index, last), inside, behind)
         self._builder.position_at_end(inside)
         before, outside = dict(self._names), self._outside
@@ -212,8 +219,26 @@ class _Lowering:
         return self._builder.sitofp(value, _DOUBLE)
 
     def _entry(self, node: ast.Subscript) -> Any:
-        """Return the address of an entry of `x`, `p` or `out`."""
-        return self._builder.gep(self._of_type(_POINTER, node.value), [self._integer(node.slice)])
+        """Return the address of an entry of `x`, `p`, `out` or a tuple."""
+        entries = self._value(node.value)
+        if entries.type not in (_POINTER, _INTEGERS):
+            raise NotImplementedError(f"{ast.unparse(node)}, an entry of a number")
+        return self._builder.gep(entries, [self._integer(node.slice)])
+
+    def _tuple(self, node: ast.Tuple) -> Any:
+        """Return where the entries of a tuple begin: integers are constants, floats stand on the stack."""
+        values = [self._value(entry) for entry in node.elts]
+        if values and all(isinstance(value, ir.Constant) and value.type == _INTEGER for value in values):
+            kept = ir.GlobalVariable(
+                self._code.module, ir.ArrayType(_INTEGER, len(values)), f"{self._code.name}.{next(self._tuples)}"
+            )
+            kept.initializer, kept.global_constant, kept.linkage = kept.value_type(values), True, "internal"
+            return self._builder.gep(kept, [_INTEGER(0), _INTEGER(0)])
+        with self._builder.goto_entry_block():
+            room = self._builder.alloca(_DOUBLE, size=len(values))
+        for i, value in enumerate(values):
+            self._builder.store(self._as_float(value), self._builder.gep(room, [_INTEGER(i)]))
+        return room
 
     def _name(self, node: ast.Name) -> Any:
         if node.id not in self._names:
