@@ -1,40 +1,32 @@
-"""Many pieces of work at the same time: in this thread, in threads, in processes, or on a Dask cluster."""
+"""Many pieces of work at the same time: in this thread, in threads, or on a Dask cluster."""
 
 from __future__ import annotations
 
 import gc
-import math
 import os
 import signal
 import sys
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from importlib import import_module
-from multiprocessing import get_context, parent_process
+from multiprocessing import parent_process
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 from saltus.errors import InputError, SaltusError
-
-if TYPE_CHECKING:
-    from multiprocessing.synchronize import Event
 
 __all__ = [
     "Cluster",
     "Here",
-    "HereFirst",
     "Job",
     "Outcome",
-    "Processes",
     "Threads",
     "Workers",
     "handed_out",
     "interrupt_waits",
-    "is_stopped",
     "leave_with_parent",
     "processors",
     "starting",
@@ -44,8 +36,6 @@ __all__ = [
 
 Job: TypeAlias = "tuple[Any, Callable[..., Any], *tuple[Any, ...]]"  # a piece's key, a function and its arguments
 _HEARD = 0.5  # seconds between two looks of a process that waits for a piece, so that Ctrl-C is heard everywhere
-_TRIAL = 3.0  # seconds that a piece may take in this process before it is handed to others
-_START = 8.0  # seconds of work that must be saved to start processes: imports, and code loaded or compiled in each
 _REFUSED = "can't start new thread"  # Python's words for it
 
 
@@ -169,9 +159,12 @@ class Threads:
     """
 
     def __init__(self, count: int, fewer: str) -> None:
-        self._executor: Executor = ThreadPoolExecutor(count)
+        self._executor = self._made(count)
         self._fewer = fewer
         self._pending: dict[Future[Any], Any] = {}
+
+    def _made(self, count: int) -> Executor:
+        return ThreadPoolExecutor(count)
 
     def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
         """Take on a piece of work."""
@@ -187,112 +180,6 @@ class Threads:
         """Wait for what is under way; give up the rest."""
         self._executor.shutdown(wait=True, cancel_futures=True)
         self._pending = {future: key for future, key in self._pending.items() if not future.cancelled()}
-
-
-class Processes(Threads):
-    """Work in processes on this machine, in which `is_stopped` tells that the work is given up.
-
-    A piece whose process dies has the error as its outcome.
-
-    Parameters
-    ----------
-    count : int
-        How many processes.
-    fewer : str
-        The option that asks for none, for messages.
-    """
-
-    def __init__(self, count: int, fewer: str) -> None:
-        super().__init__(count, fewer)
-        context = get_context("spawn")  # the same everywhere, and safe where threads run: Numba's, NumPy's
-        self._count, self._started, self._stop = count, False, context.Event()
-        self._executor = ProcessPoolExecutor(count, context, _begin_worker, (self._stop,))
-        self._refused: list[tuple[Any, Outcome]] = []
-
-    def _start(self) -> None:
-        """Start all processes at once: one that dies while others start can bring the executor's own thread down."""
-        self._started = True
-        with unnoticed(), starting(self._fewer):
-            for _ in range(self._count):
-                self._executor.submit(os.getpid)  # as long as none is idle, each call starts one
-
-    def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
-        """Take on a piece of work."""
-        if not self._started:
-            self._start()
-        try:
-            self._pending[self._executor.submit(function, *arguments)] = key
-        except RuntimeError as error:  # a worker has died
-            refused: Future[Any] = Future()
-            refused.set_exception(error)
-            self._refused.append((key, refused))
-
-    def finished(self, *, waiting: bool) -> list[tuple[Any, Outcome]]:
-        """Return what is done, each piece once; wait for the next one, if asked to, for half a second."""
-        refused, self._refused = self._refused, []
-        return refused + super().finished(waiting=waiting and not refused)
-
-    def stop(self) -> None:
-        """Tell the processes to stop, and wait until they are gone."""
-        self._stop.set()
-        super().stop()
-
-
-class HereFirst:
-    """Work in this thread for as long as that is quicker than to start processes; then in processes.
-
-    A piece that takes long is given up here, where `is_stopped` tells it so, and is done anew in a process.
-
-    Parameters
-    ----------
-    count : int
-        How many processes.
-    fewer : str
-        The option that asks for none, for messages.
-    pieces : int
-        How many pieces there will be.
-    """
-
-    def __init__(self, count: int, fewer: str, pieces: int) -> None:
-        self._count, self._fewer, self._left = count, fewer, pieces
-        self._here = Here()
-        self._seconds: list[float] = []
-        self._processes: Processes | None = None
-
-    def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
-        """Do a piece of work, or hand it to a process."""
-        if self._processes is None and not self._pays():
-            began = time.perf_counter()
-            with _limited(_TRIAL) as given_up:
-                trial = Here()
-                trial.submit(key, function, *arguments)
-            if not given_up():
-                self._here.take(trial)
-                self._seconds.append(time.perf_counter() - began)
-                self._left -= 1
-                return
-        if self._processes is None:
-            self._processes = Processes(self._count, self._fewer)
-        self._processes.submit(key, function, *arguments)
-
-    def _pays(self) -> bool:
-        """Return whether processes save more time than their start takes."""
-        if not self._seconds:
-            return _TRIAL <= 0.0
-        mean = sum(self._seconds) / len(self._seconds)
-        return mean * self._left * (1.0 - 1.0 / self._count) > _START
-
-    def finished(self, *, waiting: bool) -> list[tuple[Any, Outcome]]:
-        """Return what is done, each piece once; wait for the next one, if asked to, for half a second."""
-        done = self._here.finished(waiting=False)
-        if self._processes is None:
-            return done
-        return done + self._processes.finished(waiting=waiting and not done)
-
-    def stop(self) -> None:
-        """Tell the processes to stop, and wait until they are gone."""
-        if self._processes is not None:
-            self._processes.stop()
 
 
 class Cluster:
@@ -375,42 +262,6 @@ def handed_out(
                 yield key, result
     finally:
         workers.stop()
-
-
-# ---- inside a process that works ----
-
-
-_stop: Event | None = None  # set where the parent wants its workers to end
-_limit: threading.local = threading.local()  # where a piece of work in this thread has a limit: the time, and a flag
-
-
-def is_stopped() -> bool:
-    """Return whether the work under way has been given up by who handed it out."""
-    if _stop is not None and _stop.is_set():
-        return True
-    until = getattr(_limit, "until", math.inf)
-    _limit.passed = getattr(_limit, "passed", False) or time.perf_counter() > until
-    return bool(_limit.passed)
-
-
-@contextmanager
-def _limited(seconds: float) -> Iterator[Callable[[], bool]]:
-    """Let `is_stopped` tell in this thread, from some seconds on, that the work is given up; yield whether it did."""
-    _limit.until, _limit.passed = time.perf_counter() + seconds, False
-    told: list[bool] = []
-    try:
-        yield lambda: bool(told and told[0])
-    finally:
-        told.append(_limit.passed)
-        _limit.until, _limit.passed = math.inf, False
-
-
-def _begin_worker(stop: Event) -> None:
-    """Prepare a worker: Ctrl-C is the parent's to handle, and no worker outlives it."""
-    global _stop
-    _stop = stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=leave_with_parent, daemon=True).start()
 
 
 def leave_with_parent() -> None:

@@ -20,7 +20,7 @@ import pytest
 import saltus
 import systems
 from oracles.closed_forms import HENON, LOGISTIC, ImpactOrbit, henon_fixed_point
-from saltus import InputError, StepControl, continue_family, continue_orbit, solve_orbit, work
+from saltus import InputError, StepControl, continue_family, continue_orbit, processes, solve_orbit
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.options import BranchOptions
 from saltus.results import Family
@@ -172,7 +172,7 @@ def test_a_grazing_at_which_branches_stop_stops_the_way_as_well(mixed):
 @pytest.fixture
 def at_once(monkeypatch):
     """Start processes at once, however little there is to do."""
-    monkeypatch.setattr(work, "_TRIAL", 0.0)
+    monkeypatch.setattr(processes, "_TRIAL", 0.0)
 
 
 @pytest.mark.campaign
@@ -191,30 +191,31 @@ def test_members_of_a_worker_that_is_killed_are_told(orbit):
 
 
 def test_a_small_family_starts_no_process(orbit, family, monkeypatch):
-    monkeypatch.setattr(work, "Processes", None)
+    monkeypatch.setattr(processes, "Processes", None)
     assert continue_family(orbit, "A", {"d": GAPS}, BOUNDS, workers=2) == family
 
 
 @pytest.mark.campaign
 def test_a_branch_that_takes_long_is_given_up_here_and_traced_by_a_process(orbit, family, monkeypatch):
-    monkeypatch.setattr(work, "_TRIAL", 1e-6)
+    monkeypatch.setattr(processes, "_TRIAL", 1e-6)
     assert continue_family(orbit, "A", {"d": GAPS}, BOUNDS, workers=2) == family
+    processes.resting.end()
     assert not multiprocessing.active_children()
 
 
 @pytest.mark.campaign
 def test_processes_take_what_is_left_where_they_save_time(orbit, family, monkeypatch):
-    traced, pool = [], work.Processes
+    traced, pool = [], processes.Processes
 
     class Counted(pool):
         def submit(self, key, *work):
             traced.append(key)
             super().submit(key, *work)
 
-    monkeypatch.setattr(work, "Processes", Counted)
-    monkeypatch.setattr(work, "_START", 0.0)
+    monkeypatch.setattr(processes, "Processes", Counted)
+    monkeypatch.setattr(processes, "_START", 0.0)
     assert continue_family(orbit, "A", {"d": GAPS}, BOUNDS, workers=2) == family
-    assert len(traced) == len(GAPS) - 1
+    assert 2 <= len(traced) < len(GAPS)
 
 
 @pytest.mark.usefixtures("at_once")
@@ -222,6 +223,7 @@ def test_processes_compute_the_same_family(orbit, mixed):
     told, options = [], BranchOptions(stop_at="GR")
     parallel = continue_family(orbit, "A", MIXED, (0.5, 6.0), options=options, workers=2, progress=told.append)
     assert parallel == mixed
+    processes.resting.end()
     assert not multiprocessing.active_children()
     assert [progress.done for progress in told] == sorted(progress.done for progress in told)
     assert {progress.total for progress in told} == {3}
@@ -333,8 +335,8 @@ def test_interrupted_processes_give_up_what_is_not_done_and_keep_what_is(orbit):
 
 
 SCRIPT = """
-import saltus, saltus.work, systems
-saltus.work._TRIAL = 0.0
+import saltus, saltus.processes, systems
+saltus.processes._TRIAL = 0.0
 orbit = saltus.solve_orbit(systems.impact_oscillator(), {"w": 1.1}, [("free", "impact", [1.0, -1.3, 0.1], 5.71)])
 start = saltus.continue_orbit(orbit, "d", (1.0, 8.5), directions="up").solution(-1)
 print("began", flush=True)

@@ -17,9 +17,10 @@ from saltus.continuation.results.family import Family, label
 from saltus.continuation.runs.options import BranchOptions
 from saltus.errors import InputError, nearest
 from saltus.orbits import PeriodicOrbit
+from saltus.processes import HereFirst, is_stopped
 from saltus.progress import Progress, Report, Reporter
 from saltus.system import HybridSystem
-from saltus.work import Cluster, Here, HereFirst, Outcome, Workers, is_stopped, processors
+from saltus.work import Cluster, Here, Outcome, Workers, processors
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -61,8 +62,8 @@ def continue_family(
     workers : int, optional
         Processes on this machine that compute branches. With 1 this process computes them. By default as many as this
         process has processors, at most one for each member. They are started where they save time: each takes seconds
-        to start, so this process traces the first branches. A daemonic process, as a worker of Dask or of a pool, may
-        start no others and computes the branches itself.
+        to start, so this process traces the first branches. For a minute they rest, for the next call. A daemonic
+        process, as a worker of Dask or of a pool, may start no others and computes the branches itself.
     client : dask.distributed.Client, optional
         A cluster that computes the branches instead.
     progress : bool or callable
@@ -72,7 +73,7 @@ def continue_family(
     -------
     Family
         The same, to the last digit, with any number of processes. Where a member fails, the others are kept and the
-        reason is in `Family.failures`. After an interrupt (Ctrl-C) finished members are kept and all processes end;
+        reason is in `Family.failures`. After an interrupt (Ctrl-C) finished members are kept and processes at work end;
         branches on a cluster are traced to their ends.
 
     Raises
