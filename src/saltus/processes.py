@@ -22,9 +22,11 @@ if TYPE_CHECKING:
 __all__ = ["HereFirst", "Processes", "is_stopped"]
 
 _TRIAL = 3.0  # seconds that a piece may take in this process before it is handed to others
-_SHORT = 1.0  # seconds of a piece up to which this process does some, too, while others start
-_START = 4.0  # seconds of work that must be saved to start processes: imports, and code loaded or compiled in each
-_HAND_OVER = 0.5  # seconds of work that must be saved to hand it to processes that are there
+_SHORT = 1.0  # seconds of the processor for a piece up to which this process does some, too, while others start
+_START = (
+    4.0  # seconds of the processor that must be saved to start processes: imports, and code loaded or compiled in each
+)
+_HAND_OVER = 0.5  # seconds of the processor that must be saved to hand it to processes that are there
 _REST = 60.0  # seconds for which processes are kept without work
 _READ = ("SALTUS_", "NUMBA_", "XDG_", "HOME")  # beginnings of the environment's variables that decide what is computed
 
@@ -211,14 +213,14 @@ class HereFirst:
 
     def _done_here(self, key: Any, function: Callable[..., Any], *arguments: Any) -> bool:
         """Do a piece of work, unless it takes too long; return whether it is done."""
-        began = time.perf_counter()
+        began = time.thread_time()  # on a busy machine pieces and the start of processes take longer alike
         with _limited(_TRIAL) as given_up:
             trial = Here()
             trial.submit(key, function, *arguments)
         if given_up():
             return False
         self._here.take(trial)
-        self._seconds.append(time.perf_counter() - began)
+        self._seconds.append(time.thread_time() - began)
         self._left -= 1
         return True
 
