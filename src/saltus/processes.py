@@ -26,7 +26,7 @@ _SHORT = 1.0  # seconds of the processor for a piece up to which this process do
 _START = (
     4.0  # seconds of the processor that must be saved to start processes: imports, and code loaded or compiled in each
 )
-_HAND_OVER = 0.5  # seconds of the processor that must be saved to hand it to processes that are there
+_HAND_OVER = 0.5  # the same that must be saved to hand it to processes that are there
 _REST = 60.0  # seconds for which processes are kept without work
 _READ = ("SALTUS_", "NUMBA_", "XDG_", "HOME")  # beginnings of the environment's variables that decide what is computed
 

@@ -7,6 +7,7 @@ import pytest
 
 import saltus
 from saltus import HybridSystem, Mode, Transition
+from saltus.orbits import guesses
 from saltus.system.compiled import FLOW
 from saltus.system.generated import source_file
 
@@ -73,3 +74,12 @@ def test_sensitivities_of_an_impacting_chain_are_differences_of_its_motion():
 def test_the_text_of_many_states_grows_with_the_terms_not_with_the_states_squared():
     sizes = [source_file(FLOW, chain(count)).stat().st_size for count in (15, 60)]
     assert sizes[1] < 4.5 * sizes[0]
+
+
+def test_more_states_than_an_orbits_equations_hold_are_told_before_the_search(monkeypatch):
+    monkeypatch.setattr(guesses, "_MOST_UNKNOWNS", 7)
+    told = r"^states of the system = 7: must be at most 6 for its orbits; .* is dense: 5\.12e-07 GB$"
+    with pytest.raises(saltus.InputError, match=told):
+        saltus.find_orbit(chain(3), x0=np.zeros(6))
+    with pytest.raises(saltus.InputError, match=told):
+        saltus.solve_orbit(chain(3), {}, [("free", "impact", np.zeros(7), 1.0)])
