@@ -26,11 +26,15 @@ def test_a_block_has_one_thread_and_gives_the_others_back(count):
 
 
 def test_threads_come_back_after_an_error_and_behind_blocks_within_blocks(count):
-    with pytest.raises(ValueError, match="x"), one_thread(100):
+    def work():
         with one_thread(100):
-            pass
-        assert count() == 1
-        raise ValueError("x")
+            with one_thread(100):
+                pass
+            assert count() == 1
+            raise ValueError("x")
+
+    with pytest.raises(ValueError, match="x"):
+        work()
     assert count() == 4
 
 
