@@ -231,7 +231,7 @@ def handed_out(
     workers: Workers,
     jobs: Iterable[Job],
     at_once: Callable[[], int],
-    after: Callable[[Any, Any], Job | None] | None = None,
+    after: Callable[[Any, Any], Iterable[Job]] | None = None,
 ) -> Generator[tuple[Any, Any], None, None]:
     """Yield key and result of each job as it is finished; closing the generator stops the work.
 
@@ -244,7 +244,7 @@ def handed_out(
     at_once : callable
         Returns how many may wait or be under way with the workers.
     after : callable, optional
-        Returns the job that follows on a finished one, from what it is known by and its result; None where none does.
+        Returns the jobs that follow on a finished one, from what it is known by and its result.
     """
     waiting, under_way = deque(jobs), 0
     try:
@@ -255,8 +255,7 @@ def handed_out(
             for key, outcome in workers.finished(waiting=True):
                 result = outcome.result()
                 under_way -= 1
-                following = None if after is None else after(key, result)
-                if following is not None:
+                for following in () if after is None else after(key, result):
                     workers.submit(*following)
                     under_way += 1
                 yield key, result

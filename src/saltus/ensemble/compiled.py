@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from saltus.system.derivatives import Symbolic
     from saltus.system.writer import Writer
 
-__all__ = ["LANES", "CompiledLanes", "load_lanes"]
+__all__ = ["LANES", "OWN_LANES", "CompiledLanes", "load_lanes", "load_own_lanes"]
 
 
 class CompiledLanes:
@@ -29,11 +29,14 @@ class CompiledLanes:
         The generated module, from which a graphics card's kernels take the same functions.
     quantities : tuple of str
         Names of the numbers besides parameters that the functions read; see `Lanes.q`.
+    own : tuple of str
+        Names of the numbers that a lane has of its own: ``p[i]`` for a parameter or a constant, and others.
     """
 
     def __init__(self, module: Any) -> None:
         self.module = module
         self.quantities: tuple[str, ...] = module.QUANTITIES
+        self.own: tuple[str, ...] = module.OWN
         self._n_constants = int(module.CONSTANTS)
         names = (*ADDRESSED, *(f"step_{k}" for k in range(module.POOLS)))
         self._functions = np.array([getattr(module, f"{name}_at").address for name in names])
@@ -60,9 +63,17 @@ def _writer(symbolic: Symbolic, order: int, exact: list[tuple[int, int]], _: tup
     return LaneWriter(symbolic, order, dict(exact))
 
 
+def _own_writer(symbolic: Symbolic, order: int, _: tuple[str, ...]) -> Writer:
+    from saltus.ensemble.writer import LaneWriter
+
+    return LaneWriter(symbolic, order, {}, own=True)
+
+
 # Modules from which the text of lanes comes, besides those of series.
 _TEXT = ("exact_step", "labels", "lane_kinds", "lane_text", "taylor_step", "writer")
-LANES = Kind("lanes", _writer, (*SERIES_TEXT, "system.own_states", *(f"ensemble.{name}" for name in _TEXT)))
+_SOURCES = (*SERIES_TEXT, "system.own_states", *(f"ensemble.{name}" for name in _TEXT))
+LANES = Kind("lanes", _writer, _SOURCES)
+OWN_LANES = Kind("lanes with parameters of their own", _own_writer, _SOURCES)
 
 
 def load_lanes(system: Definition, order: int, exact: dict[int, int]) -> CompiledLanes | None:
@@ -79,5 +90,21 @@ def load_lanes(system: Definition, order: int, exact: dict[int, int]) -> Compile
 
     try:
         return CompiledLanes(module_of(LANES, system, order, sorted(exact.items()), system.positive))
+    except NotAnalyticError:
+        return None
+
+
+def load_own_lanes(system: Definition, order: int) -> CompiledLanes | None:
+    """Return steps of many motions, each with parameters of its own; None where the definition has no series.
+
+    Parameters
+    ----------
+    order : int
+        Last coefficient of the Taylor series.
+    """
+    from saltus.system.taylor import NotAnalyticError
+
+    try:
+        return CompiledLanes(module_of(OWN_LANES, system, order, system.positive))
     except NotAnalyticError:
         return None

@@ -25,6 +25,7 @@ __all__ = [
     "MOST_STEPS",
     "NL",
     "NOT_DONE",
+    "REFUSED",
     "STUCK",
     "UNDECIDED",
     "Boxes",
@@ -32,7 +33,10 @@ __all__ = [
     "Lanes",
     "Motions",
     "Regions",
+    "Returning",
+    "Returns",
     "Scratch",
+    "Section",
     "Settings",
 ]
 
@@ -51,6 +55,7 @@ DONE = -3  # the motion has its label
 # Labels besides those of attractors.
 LEFT_OVER = 252  # a hard motion that no other engine has followed yet
 DIVERGED = 253  # grown beyond all bounds
+REFUSED = 251  # a motion that lanes cannot begin
 UNDECIDED = 254  # not settled in time
 NOT_DONE = 255  # not followed yet
 
@@ -146,3 +151,55 @@ class Scratch(NamedTuple):
     counts: NDArray[np.int64]
     seen: NDArray[np.int64]
     x: NDArray[np.float64]
+
+
+class Returning(NamedTuple):
+    """Motions that return to a section, each with parameters of its own.
+
+    points, modes: where they start. times: (m,), since phase 0. numbers: (m, own), what a lane has of its own.
+    """
+
+    points: NDArray[np.float64]
+    modes: NDArray[np.int64]
+    times: NDArray[np.float64]
+    numbers: NDArray[np.float64]
+
+
+class Section(NamedTuple):
+    """Where motions return, and how often.
+
+    transitions: (transitions,), 1 for those that are returns; none where phase 0 is. first: field of a lane with the
+    first of its own numbers. period: place of the time between two looks among these. taken: field with the last
+    transition, from 1. itol: inverse tolerance. skip, keep: returns that are dropped, then kept. patience: looks
+    without a return after which a motion is left to others.
+    """
+
+    transitions: NDArray[np.int64]
+    at_phase: bool
+    first: int
+    period: int
+    taken: int
+    itol: float
+    skip: int
+    keep: int
+    patience: int
+
+
+class Returns(NamedTuple):
+    """What has become of motions that return to a section.
+
+    labels: (m,), NOT_DONE until all returns are kept, then 0; LEFT_OVER or REFUSED. seen: (m,), returns so far. gaps:
+    (m,), the longest time between two. states: (m, keep, n), with phases (m, keep) as times since phase 0, times since
+    the start, and modes. ends: (m, n), end_times since phase 0, and end_modes.
+    """
+
+    labels: NDArray[np.uint8]
+    seen: NDArray[np.int64]
+    gaps: NDArray[np.float64]
+    states: NDArray[np.float64]
+    phases: NDArray[np.float64]
+    times: NDArray[np.float64]
+    modes: NDArray[np.int64]
+    ends: NDArray[np.float64]
+    end_times: NDArray[np.float64]
+    end_modes: NDArray[np.int64]

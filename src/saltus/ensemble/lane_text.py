@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["LaneText"]
 
+PARAMETER = re.compile(r"\bp\[(\d+)\]")  # text that reads a parameter, or a constant of parameters
+OWN = {"rate", "period", "longest"}  # numbers besides parameters that a lane may have of its own
+
 
 class LaneText(Writer):
     """Where a lane keeps what, as text that reads and writes it.
@@ -30,10 +34,14 @@ class LaneText(Writer):
         Last coefficient of the Taylor series.
     exact : dict of int to int
         Modes with steps by the exact flow, and the pairs of complex eigenvalues of their linear parts.
+    own : bool, optional
+        Whether each lane has parameters, and a rate of the phase, of its own. Its tolerance is then relative to the
+        size of a state, and the last transition is kept.
     """
 
-    def __init__(self, system: Symbolic, order: int, exact: dict[int, int]) -> None:
+    def __init__(self, system: Symbolic, order: int, exact: dict[int, int], *, own: bool = False) -> None:
         super().__init__(system)
+        self.own = own
         self.order = order
         self.has_phase = system.system.phase is not None
         self.n_states = self.n - 1 if self.has_phase else self.n
@@ -43,7 +51,10 @@ class LaneText(Writer):
         ]
         self.n_events = max((len(events) for events in self.events), default=0)
         self.fields = {name: self.n_states + place for name, place in FIELDS.items()}
-        self.n_fields = self.n_states + len(FIELDS) + 2 * self.n_events
+        if own:
+            self.fields["taken"] = self.n_states + len(FIELDS) + 2 * self.n_events
+        self.n_fields = self.n_states + len(FIELDS) + 2 * self.n_events + own
+        self.own_numbers: dict[str, int] = {}
         self.lane_numbers: dict[str, int] = {}
         self._hoisted: dict[str, str] = {}
 
@@ -65,15 +76,20 @@ class LaneText(Writer):
     def two_sided(self) -> set[int]:
         """Events with a direction whose surface a motion may pass without a transition.
 
-        Their condition fails, or the phase alone comes back to the surface from the other side.
+        Their condition fails, or the phase alone comes back to the surface from the other side, or nothing changes.
         """
         s, about = self.system, {pool.form.transition for pool in self.pools if pool.form is not None}
         return {
             k
             for k, transition in enumerate(s.system.transitions)
-            if (s.when[k] != 1 or at_phases(s.system, transition))
+            if (s.when[k] != 1 or at_phases(s.system, transition) or self.is_counted(k))
             and transition.direction and k not in about and k not in self.touches
         }  # fmt: skip
+
+    def is_counted(self, k: int) -> bool:
+        """Whether a transition changes nothing, as a section does: a motion goes on beyond its surface."""
+        s, transition = self.system, self.system.system.transitions[k]
+        return transition.target == transition.source and all(g == x for g, x in zip(s.reset[k], s.x, strict=True))
 
     def on(self, j: int) -> int:
         """Field that is 1 where a motion starts on the surface of event j of its mode, 2 where it touches it there."""
@@ -100,19 +116,54 @@ class LaneText(Writer):
         return self.fields[name] if isinstance(name, str) else name
 
     def number(self, name: str) -> str:
-        """Local variable that holds one of the numbers in ``q``, read before the loop over lanes."""
-        place = self.lane_numbers.setdefault(name, len(self.lane_numbers))
-        return self._hoisted.setdefault(name, f"q{place}")
+        """Local variable that holds one of the numbers of a run, read before the statements of a lane."""
+        local = f"own_{name}" if self._is_own(name) else self.place(name)[:-1].replace("[", "")
+        return self._hoisted.setdefault(name, local)
 
     def place(self, name: str) -> str:
         """The same where it is read in place."""
+        if self._is_own(name):
+            return self.load(self.own_numbers.setdefault(name, self.n_fields + len(self.own_numbers)))
         return f"q[{self.lane_numbers.setdefault(name, len(self.lane_numbers))}]"
 
-    def reads(self) -> list[str]:
-        """Statements that read the numbers asked for since last time."""
-        lines = [f"{local} = q[{self.lane_numbers[name]}]" for name, local in self._hoisted.items()]
+    def reads(self, body: list[str]) -> tuple[list[str], list[str], list[str]]:
+        """Return statements that read what a step needs, before the loop over lanes and in it, and those of the step.
+
+        Parameters
+        ----------
+        body : list of str
+            Statements of a step.
+        """
+        named = {f"p{place}": f"p[{place}]" for place in sorted({int(i) for x in body for i in PARAMETER.findall(x)})}
+        named |= {local: name for name, local in self._hoisted.items()}
         self._hoisted = {}
-        return lines
+        each = [f"{local} = {self.place(name)}" for local, name in named.items() if self._is_own(name)]
+        once = [
+            f"{local} = {name if PARAMETER.fullmatch(name) else self.place(name)}"
+            for local, name in named.items()
+            if not self._is_own(name)
+        ]
+        return once, each, [PARAMETER.sub(r"p\1", line) for line in body]
+
+    def in_lane(self, text: str) -> str:
+        """Return a text done for one lane, with its own parameters in the place of those of all lanes."""
+        return PARAMETER.sub(lambda found: self.place(found[0]), text) if self.own else text
+
+    def _is_own(self, name: str) -> bool:
+        return self.own and (name in OWN or PARAMETER.fullmatch(name) is not None)
+
+    def weight(self, i: int) -> str:
+        """Inverse of the size against which the error of state i is measured."""
+        return f"1.0/({self.number('floor')} + abs(x{i}))" if self.own else self.number(f"iscale{i}")
+
+    def event_weight(self, k: int) -> str:
+        """Inverse of the size against which the error of an event function is measured, that of transition k."""
+        if not self.own:
+            return self.number(f"escale{k}")
+        size = "abs(x0)"
+        for i in range(1, self.n_states):
+            size = f"max({size}, abs(x{i}))"
+        return f"1.0/({self.number('floor')} + {size})"
 
     def text_of(self, expression: sympy.Expr, names: dict[sympy.Expr, str] | None = None) -> str:
         """An expression in parameters, and in a state whose components have the given names."""

@@ -51,9 +51,9 @@ def taylor_step(lane: LaneText, pool: Pool) -> tuple[list[str], list[str]]:
     lines.append(f"itol = {lane.load('itol')}")
     bent = [(j, e) for j, e in enumerate(lane.events[pool.mode]) if j != about and not _is_linear(lane, e)]
     for k in (order, order - 1, order - 2):
-        sizes = [f"abs({name}_{k})*{lane.number(f'iscale{i}')}" for i, name in zip(states, moving, strict=True)]
+        sizes = [f"abs({name}_{k})*{lane.weight(i)}" for i, name in zip(states, moving, strict=True)]
         sizes += [f"abs({w}_{k})"] if form is not None else []
-        sizes += [f"abs({events[j]}_{k})*{lane.number(f'escale{e}')}" for j, e in bent]
+        sizes += [f"abs({events[j]}_{k})*{lane.event_weight(e)}" for j, e in bent]
         weight = "" if form is None else f"{_SIGMA_WEIGHT!r}*"
         least = "1e-30" if form is not None else lane.number(f"least{k}")  # what lets a step be as long as it may
         lines.append(f"e{k} = {_largest(sizes)}*({weight}itol) + {least}")

@@ -9,7 +9,6 @@ the step, and done one lane at a time. See docs/theory/lanes.md.
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 import sympy
@@ -56,10 +55,12 @@ class LaneWriter(LaneText):
     def functions(self) -> Iterator[str]:
         """Texts of the module: a step for each pool, what is done between steps, and the loop over all."""
         texts = [self._step(k, pool) for k, pool in enumerate(self.pools)]
-        texts += [self._steps(), self._move(), self._entries(), self._begin(), self._turned(), self._read()]
+        texts += [self.in_lane(text) for text in (self._entries(), self._begin(), self._turned(), self._read())]
+        texts += [self._steps(), self._move()]  # when it is known which numbers a lane has of its own
         self.numbers |= {
             "N": self.n_states,
-            "NF": self.n_fields,
+            "NF": self.n_fields + len(self.own_numbers),
+            "OWN": tuple(self.own_numbers),
             "POOLS": len(self.pools),
             "MODE_OF": tuple(pool.mode for pool in self.pools),
             "QUANTITIES": tuple(self.lane_numbers),
@@ -74,17 +75,18 @@ class LaneWriter(LaneText):
         """The text of a pool's steps: a loop over lanes around statements without branches."""
         self._hoisted = {}
         constants, body = exact_step(self, pool) if pool.split is not None else taylor_step(self, pool)
+        if self.own:
+            constants, body = [], [*constants, *body]
         body = [line.replace("math.sin(", "circular_sin(").replace("math.cos(", "circular_cos(") for line in body]
-        parameters = sorted({int(place) for line in body for place in re.findall(r"\bp\[(\d+)\]", line)})
-        body = [re.sub(r"\bp\[(\d+)\]", r"p\1", line) for line in body]
-        head = [*constants, *(f"p{place} = p[{place}]" for place in parameters), *self.reads()]
+        once, each, body = self.reads(body)
+        head = [*constants, *once]
         return "\n".join(
             [
                 "\n\n@lane",
                 f"def step_{k}(k, S, n, p, q):",
                 *(f"    {line}" for line in head),
                 "    for l in range(n):",
-                *(f"        {line}" for line in body),
+                *(f"        {line}" for line in [*each, *body]),
                 "    return 0",
                 "",
             ]
@@ -106,7 +108,7 @@ class LaneWriter(LaneText):
 
     def _move(self) -> str:
         """A lane's fields, into lane m of Q: in a loop the compiler would gather and scatter them, which is slower."""
-        lines = [f"    st(Q, {i}*NL, m, ld(S, {i}*NL, l))" for i in range(self.n_fields)]
+        lines = [f"    st(Q, {i}*NL, m, ld(S, {i}*NL, l))" for i in range(self.n_fields + len(self.own_numbers))]
         return "\n".join(["\n\n@scalar", "def move(m, S, l, Q, q):", *lines, "    return 0"]) + "\n"
 
     def _state_names(self) -> dict[sympy.Expr, str]:
@@ -149,7 +151,7 @@ class LaneWriter(LaneText):
                 if direction and k not in self.two_sided:
                     lines.append(f"        value = {-float(direction)!r}*value")
                 else:
-                    if direction and not at_phases(s.system, s.system.transitions[k]):
+                    if direction and not (at_phases(s.system, s.system.transitions[k]) or self.is_counted(k)):
                         # beyond it a motion lands only where the condition fails
                         passed = f"{float(direction)!r}*value > 0.0 and {self.text_of(s.when[k], names)} > 0.0"
                         lines += [f"        if not on & {self.same_mode} and {passed}:", f"            return {HARD}"]
@@ -271,6 +273,8 @@ class LaneWriter(LaneText):
             for i, (value, symbol) in enumerate(zip(s.reset[transition][: self.n_states], s.x, strict=False))
             if value != symbol
         ]
+        if self.own:
+            lines.append(self.store("taken", f"{transition + 1.0!r}"))
         target = list(s.system.modes).index(s.system.transitions[transition].target)
         bits = self._surfaces(transition, target)
         if follows := self._follows(transition, target, bits, names):

@@ -35,13 +35,17 @@ from saltus.sweeps.options import PASSES, SweepOptions
 from saltus.sweeps.record import Record
 from saltus.sweeps.sweep import Sweep
 from saltus.sweeps.task import Task
-from saltus.sweeps.workers import Piece, rows_of
+from saltus.sweeps.workers import Piece, Together, rows_of
 from saltus.system import HybridSystem, Map
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 __all__ = ["run_sweep"]
+
+_TOGETHER = 128  # motions side by side, at most: with more the next look at an interrupt would be far
+_FEWEST = 16  # stretches from which on lanes pay
+_MANY = 100_000  # returns from which on lanes pay for being compiled
 
 
 def run_sweep(
@@ -116,11 +120,16 @@ def run_sweep(
     task.load(float(grid[0]))
     directions = PASSES[chosen.follow]
     record = Record.begun(task, grid, directions, path, reporter)
-    pieces = record.left(_pieces(directions, grid.size, grid.size if anew else chosen.chunks))
+    pieces = _pieces(directions, grid.size, grid.size if anew else chosen.chunks)
+    lanes = None
+    if chosen.lanes or (chosen.lanes is None and _lanes_pay(len(pieces), grid.size * len(directions), chosen)):
+        lanes = task.by_lanes(float(grid[0]))
+    together = None if lanes is None else Together(lanes.settled_together, _TOGETHER)
+    left = record.left(pieces)
     try:
         with (
             suppress(KeyboardInterrupt),
-            closing(rows_of(task.row, grid, pieces, chosen.workers, chosen.client)) as rows,
+            closing(rows_of(task.row, grid, left, chosen.workers, chosen.client, together)) as rows,
             reporter,
         ):
             for place, row in rows:
@@ -129,6 +138,12 @@ def run_sweep(
         if record.fresh:
             record.save()
     return record.as_sweep()
+
+
+def _lanes_pay(pieces: int, values: int, options: SweepOptions) -> bool:
+    """Whether motions side by side save more time than it takes to compile their steps; told by the input alone."""
+    returns = options.discard + options.criteria.looked_at(options.keep)
+    return pieces >= _FEWEST and values * returns >= _MANY
 
 
 # the values, in the order in which they are computed

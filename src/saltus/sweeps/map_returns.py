@@ -49,6 +49,8 @@ class MapReturns:
         for name in ("mode", "section"):
             if (value := getattr(options, name)) is not None:
                 raise InputError(f"SweepOptions.{name}", value, "left out for a map", "every iteration is a return")
+        if options.lanes:
+            raise InputError("SweepOptions.lanes", True, "left out for a map", "iterates are followed one by one")
         x = system.full_state(np.zeros(len(system.states)) if x0 is None else x0)
         return cls(system, x, options.discard, options.keep, options.exponents, options.criteria)
 
@@ -82,6 +84,13 @@ class MapReturns:
             frozen(wrapped(states[-1], self.system.angle_places)),
             int(pieces[-1]),
         )
+
+    def by_lanes(self, p: NDArray[np.float64]) -> None:
+        """Return None: iterations have no lanes."""
+
+    def settled_together(self, starts: Sequence[Any], count: int) -> Sequence[None]:
+        """Return None for each: iterations have no lanes."""
+        return [None] * len(starts)
 
     def mean_time(self, found: PoincareReturns) -> float:
         """Return the time of an iteration, 1."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 
 from saltus import checks
+from saltus.ensemble.returns import ManyReturns, Start
 from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, tolerances_of
 from saltus.flow.poincare import EventSection, PoincareReturns, admits, iterate
@@ -34,6 +35,7 @@ __all__ = ["FlowReturns", "Returns"]
 
 _FIRST = 16  # dropped returns that tell the mean return time
 
+_LEAST_ABSENCE = 400.0  # `Criteria.absence` below which lanes do not wait as long for a return as is asked for
 _STEPS_KEPT = 256  # steps of a motion that are kept in memory at once
 _ON_A_SHEET = 50  # returns between which angles are moved back by whole turns
 _ATOL = 1e-10  # absolute tolerance of a step for states of size 1 or more
@@ -66,6 +68,12 @@ class Returns(Protocol):
 
     def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> PoincareReturns:
         """Return returns after those that are dropped, fewer where the motion stops returning."""
+
+    def by_lanes(self, p: NDArray[np.float64]) -> Returns | None:
+        """Return the same that can follow motions side by side in lanes; None where there are no lanes."""
+
+    def settled_together(self, starts: Sequence[Start | None], count: int) -> Sequence[PoincareReturns | None]:
+        """Return for several motions what `settled` does, None for those that it has to follow alone."""
 
     def mean_time(self, found: PoincareReturns) -> float:
         """Return the mean time between returns."""
@@ -103,6 +111,7 @@ class FlowReturns:
     criteria: Criteria
     rtol: float
     atol: float
+    many: ManyReturns | None = None
     # the last of them where x0 is in no mode
     faults: ClassVar[tuple[type[Exception], ...]] = (ChatteringError, DivergenceError, StiffnessError, InputError)
 
@@ -186,6 +195,37 @@ class FlowReturns:
             mean = float(first.times[0]) / _FIRST
             unit = mean if self.system.phase is None else max(mean, unit)
         return self._iterated(p, x, mode, dropped, count, self.criteria.absence * unit)
+
+    def by_lanes(self, p: NDArray[np.float64]) -> FlowReturns | None:
+        """Return the same that can follow motions side by side in lanes; None where there are no lanes."""
+        if self.system.angles or self.criteria.absence < _LEAST_ABSENCE:
+            return None
+        interval = None
+        if self.system.phase is None:
+            interval = self._first_return(p)
+            if interval is None:
+                return None
+        absence = 0.25 * self.criteria.absence
+        many = ManyReturns(self.steady, self.section, (self.rtol, self.atol), interval, absence)
+        return replace(self, many=many) if many.load() else None
+
+    def _first_return(self, p: NDArray[np.float64]) -> float | None:
+        """Return the mean time of the first returns of the motion from `x0`; None where it has none."""
+        try:
+            mode = starting_mode(self.system, self.x0, p, self.mode)
+            first = self._iterated(p, self.x0, mode, _FIRST - 1, 1, math.inf)
+        except self.faults:
+            return None
+        return float(first.times[0]) / _FIRST if first.times.size else None
+
+    def settled_together(self, starts: Sequence[Start | None], count: int) -> Sequence[PoincareReturns | None]:
+        """Return for several motions what `settled` does, None for those that it has to follow alone."""
+        found: list[PoincareReturns | None] = [None] * len(starts)
+        if self.many is not None:
+            those = {i: start for i, start in enumerate(starts) if start is not None}
+            for i, returns in zip(those, self.many.follow(list(those.values()), self.discard, count), strict=True):
+                found[i] = returns
+        return found
 
     def mean_time(self, found: PoincareReturns) -> float:
         """Return the mean time between returns."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from saltus import checks
+from saltus.ensemble.returns import Start
 from saltus.errors import ChatteringError
 from saltus.flow.motion_kind import CHATTERING, DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
 from saltus.flow.poincare import PoincareReturns
@@ -123,24 +124,61 @@ class Task:
         """Load the compiled functions, before threads ask for them."""
         self.motions.load(self.system.parameter_vector({**self.parameters, self.parameter: value}))
 
-    def row(self, value: float, end: tuple[NDArray[np.float64], int] | None) -> Row:
-        """Return the results at a value; the motion starts from its end at the value before."""
+    def by_lanes(self, value: float) -> Task | None:
+        """Return the same that can follow motions side by side in lanes; None where there are no lanes."""
+        motions = self.motions.by_lanes(self.system.parameter_vector({**self.parameters, self.parameter: value}))
+        return None if motions is None else replace(self, motions=motions)
+
+    def settled_together(
+        self, values: Sequence[float], ends: Sequence[tuple[NDArray[np.float64], int] | None]
+    ) -> Sequence[PoincareReturns | None]:
+        """Return the returns of the motion at each value, as `row` takes them; None where it follows the motion alone.
+
+        Parameters
+        ----------
+        values : sequence of float
+            The values.
+        ends : sequence
+            Ends of the motions at the values before.
+        """
+        starts: list[Start | None] = []
+        for value, end in zip(values, ends, strict=True):
+            p = self.system.parameter_vector({**self.parameters, self.parameter: value})
+            try:
+                starts.append(Start(p, *self.motions.start(p, end)))
+            except self.motions.faults:
+                starts.append(None)
+        return self.motions.settled_together(starts, self._looked_at)
+
+    def row(
+        self,
+        value: float,
+        end: tuple[NDArray[np.float64], int] | None,
+        found: PoincareReturns | None = None,
+    ) -> Row:
+        """Return the results at a value; the motion starts from its end at the value before.
+
+        `found` are the returns of that motion, if they are known.
+        """
         parameters = {**self.parameters, self.parameter: value}
         p = self.system.parameter_vector(parameters)
         try:
-            return self._found(parameters, p, *self.motions.start(p, end))
+            if found is None:
+                found = self.motions.settled(p, *self.motions.start(p, end), self._looked_at)
+            return self._found(parameters, p, found)
         except self.motions.faults as error:
             return Row(CHATTERING if isinstance(error, ChatteringError) else DIVERGED, str(error))
 
-    def _found(self, parameters: Mapping[str, float], p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> Row:
-        seen = self._seen(p, x, mode)
+    def _found(self, parameters: Mapping[str, float], p: NDArray[np.float64], settled: PoincareReturns) -> Row:
+        seen = self._seen(p, settled)
         if self._rests(seen):
             pushed = _pushed(seen.found.x_end, len(self.system.states), self.criteria.push)
-            seen = self._seen(p, pushed, seen.found.mode_end)
+            seen = self._seen(p, self.motions.settled(p, pushed, seen.found.mode_end, self._looked_at))
         for _ in range(self.criteria.patience):
             if seen.growth is None or seen.kind.label != QUASI_PERIODIC or seen.kind.curves:
                 break
-            seen = self._seen(p, seen.growth.x_end, seen.growth.mode_end)
+            x, mode = seen.growth.x_end, seen.growth.mode_end
+            seen = self._seen(p, self.motions.settled(p, x, mode, self._looked_at))
         found, growth, kind = seen
         points = self._points(found, parameters)
         if growth is None:
@@ -157,9 +195,8 @@ class Task:
             mode=found.mode_end,
         )
 
-    def _seen(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> _Seen:
-        """Follow the motion, and find its kind from its returns."""
-        found = self.motions.settled(p, x, mode, self._looked_at)
+    def _seen(self, p: NDArray[np.float64], found: PoincareReturns) -> _Seen:
+        """Find the kind of a motion from its returns."""
         if len(found.times) < self._looked_at:
             return _Seen(found, None, Kind(NO_RETURN, 0, math.nan, 0))
         return _Seen(found, *self._measured(p, found))

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["End", "Ended", "Piece", "rows_of"]
+__all__ = ["End", "Ended", "Piece", "Together", "rows_of"]
 
 End: TypeAlias = "tuple[NDArray[np.float64], int] | None"  # state and mode where a motion ended; None: no motion
 
@@ -45,9 +45,25 @@ class Piece:
     end: End = None
 
 
+@dataclass(frozen=True)
+class Together:
+    """Stretches whose motions begin side by side, one value of each at a time.
+
+    Attributes
+    ----------
+    begin : callable
+        Makes what `compute` takes further at each value, from their list and that of the ends of the motions before.
+    most : int
+        Most stretches side by side.
+    """
+
+    begin: Callable[[Sequence[float], Sequence[End]], Sequence[Any]]
+    most: int
+
+
 def rows_of(
-    compute: Callable[[float, End], Any], values: NDArray[np.float64], pieces: Sequence[Piece], workers: int | None,
-    client: Any,
+    compute: Callable[..., Any], values: NDArray[np.float64], pieces: Sequence[Piece], workers: int | None, client: Any,
+    together: Together | None = None,
 ) -> Generator[tuple[tuple[int, int], Any], None, None]:  # fmt: skip
     """Return an iterator over ((pass, value), row) as rows are done; closing it ends the work.
 
@@ -63,6 +79,8 @@ def rows_of(
         Threads.
     client : dask.distributed.Client, optional
         A cluster in their place.
+    together : Together, optional
+        How motions begin side by side; by default each is computed alone.
 
     Raises
     ------
@@ -75,7 +93,12 @@ def rows_of(
     else:
         count = min(processors() if workers is None else workers, count)
         those = Threads(count, "SweepOptions(workers=1)") if count > 1 else Here()
-    return _rows(compute, values, pieces, those, count)
+    if together is None:
+        return _rows(compute, values, pieces, those, count)
+    groups = max(count, 1) if client is None else 1
+    groups = max(groups, -(-len(pieces) // together.most))
+    shared = [pieces[i::groups] for i in range(groups)]
+    return _rows_together(compute, values, [group for group in shared if group], those, together)
 
 
 def _rows(
@@ -87,11 +110,59 @@ def _rows(
     def job(piece: Piece, position: int, end: End) -> Job:
         return (piece, position), compute, float(values[piece.order[position]]), end
 
-    def after(key: tuple[Piece, int], row: Ended) -> Job | None:
+    def after(key: tuple[Piece, int], row: Ended) -> list[Job]:
         piece, position = key
-        return job(piece, position + 1, row.end) if position + 1 < len(piece.order) else None
+        return [job(piece, position + 1, row.end)] if position + 1 < len(piece.order) else []
 
     first = [job(piece, 0, piece.end) for piece in pieces]
     with closing(handed_out(those, first, lambda: at_once, after)) as found:
         for (piece, position), row in found:
             yield (piece.row, piece.order[position]), row
+
+
+@dataclass(eq=False)
+class _Round:
+    """One value of each piece of a group, at the same position: its pieces, ends of the motions, rows still missing."""
+
+    pieces: Sequence[Piece]
+    position: int
+    ends: list[End]
+    missing: int = 0
+
+
+def _rows_together(
+    compute: Callable[..., Any], values: NDArray[np.float64], groups: Sequence[Sequence[Piece]], those: Workers,
+    together: Together,
+) -> Generator[tuple[tuple[int, int], Any], None, None]:  # fmt: skip
+    """Yield the rows of groups of pieces whose motions begin together; a round waits for the rows of the one before."""
+
+    def value(piece: Piece, position: int) -> float:
+        return float(values[piece.order[position]])
+
+    def begun(round_: _Round) -> Job:
+        at = [value(piece, round_.position) for piece in round_.pieces]
+        return (round_, None), together.begin, at, list(round_.ends)
+
+    def after(key: tuple[_Round, int | None], result: Any) -> list[Job]:
+        round_, i = key
+        if i is None:
+            round_.missing = len(round_.pieces)
+            starts = zip(round_.pieces, round_.ends, result, strict=True)
+            return [
+                ((round_, i), compute, value(piece, round_.position), end, found)
+                for i, (piece, end, found) in enumerate(starts)
+            ]
+        round_.ends[i] = result.end
+        round_.missing -= 1
+        position = round_.position + 1
+        left = [i for i, piece in enumerate(round_.pieces) if position < len(piece.order)]
+        if round_.missing or not left:
+            return []
+        return [begun(_Round([round_.pieces[i] for i in left], position, [round_.ends[i] for i in left]))]
+
+    first = [begun(_Round(group, 0, [piece.end for piece in group])) for group in groups]
+    with closing(handed_out(those, first, lambda: len(groups), after)) as found:
+        for (round_, i), row in found:
+            if i is not None:
+                piece = round_.pieces[i]
+                yield (piece.row, piece.order[round_.position]), row
