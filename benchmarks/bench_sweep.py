@@ -19,6 +19,7 @@ from saltus import afm
 from saltus.afm.paper.figures import fig7, fig7a
 from saltus.afm.paper.galerkin import coefficients
 from saltus.afm.paper.regimes import settled_orbit
+from saltus.ensemble.returns import ManyReturns, Start
 from saltus.flow.poincare import iterate
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.pointers import call
@@ -222,6 +223,7 @@ def sweep(scipy_period: float) -> None:
         "with exponents and labels, 1e-10": run,
         "the same, two threads and chunks": lambda: run(chunks=2, workers=2),
     }
+    by_lanes(system, x, values, run)
     follow(values[:1], 1e-8)
     run_seconds = {}
     for name, work in works.items():
@@ -232,6 +234,41 @@ def sweep(scipy_period: float) -> None:
     whole = scipy_period * periods
     print(f"  SciPy DOP853 at {TOL:g}, by the {SCIPY_PERIODS} periods above: {whole:.0f} s", end="")
     print(f", {whole / run_seconds['motion alone, 1e-8'][0]:.0f} times as long as the motion alone at 1e-8")
+
+
+def by_lanes(
+    system: saltus.HybridSystem,
+    x: NDArray[np.float64],
+    values: NDArray[np.float64],
+    run: Callable[..., saltus.results.Sweep],
+) -> None:
+    """Time the same values in 64 chunks side by side in lanes, in seconds of a processor, against single motions."""
+    tolerance = (TOL, 0.01 * TOL)
+    many, skip, keep = ManyReturns(system, None, tolerance), fig7.DISCARDED, fig7.KEPT
+
+    def start(omega: float) -> Start:
+        return Start(system.parameter_vector({"Omega": omega}), system.full_state(x), 0)
+
+    def alone() -> None:
+        for one in map(start, values.tolist()):
+            iterate(system, one.p, one.x, one.mode, discard=skip, keep=keep, tolerance=tolerance)
+
+    works: dict[str, Callable[[], Any]] = {
+        "motion alone, one by one": alone,
+        "motion alone, in lanes": lambda: many.follow([start(value) for value in values.tolist()], skip, keep),
+        "with exponents and labels, one by one": lambda: run(chunks=64, workers=1, lanes=False),
+        "with exponents and labels, in lanes": lambda: run(chunks=64, workers=1, lanes=True),
+    }
+    for work in works.values():
+        work()  # compiles
+    seconds: dict[str, list[float]] = {name: [] for name in works}
+    for _ in range(2):
+        for name, work in works.items():
+            begin = time.process_time()
+            work()
+            seconds[name].append(time.process_time() - begin)
+    peers = {name: name.replace("in lanes", "one by one") for name in works if name.endswith("in lanes")}
+    show(f"Fig. 7(b) in lanes: {values.size} values, seconds of a processor", seconds, peers, {})
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ def test_pieces_are_handed_out_each_once():
 
 def test_a_piece_may_have_one_that_follows_on_it():
     def after(key, result):
-        return (key + 1, pow, result, 2) if key < 3 else None
+        return [(key + 1, pow, result, 2)] if key < 3 else []
 
     assert list(handed_out(Here(), [(1, pow, 2, 1)], lambda: 1, after)) == [(1, 2), (2, 4), (3, 16)]
 

@@ -69,11 +69,19 @@ def _own_writer(symbolic: Symbolic, order: int, _: tuple[str, ...]) -> Writer:
     return LaneWriter(symbolic, order, {}, own=True)
 
 
+def _growth_writer(symbolic: Symbolic, order: int, columns: int, _: tuple[str, ...]) -> Writer:
+    from saltus.ensemble.tangents import with_tangents
+    from saltus.ensemble.writer import LaneWriter
+
+    return LaneWriter(with_tangents(symbolic, columns), order, {}, own=True)
+
+
 # Modules from which the text of lanes comes, besides those of series.
-_TEXT = ("exact_step", "labels", "lane_kinds", "lane_text", "taylor_step", "writer")
+_TEXT = ("exact_step", "labels", "lane_kinds", "lane_text", "tangents", "taylor_step", "writer")
 _SOURCES = (*SERIES_TEXT, "system.own_states", *(f"ensemble.{name}" for name in _TEXT))
 LANES = Kind("lanes", _writer, _SOURCES)
 OWN_LANES = Kind("lanes with parameters of their own", _own_writer, _SOURCES)
+GROWTH_LANES = Kind("lanes with perturbations", _growth_writer, _SOURCES)
 
 
 def load_lanes(system: Definition, order: int, exact: dict[int, int]) -> CompiledLanes | None:
@@ -94,17 +102,21 @@ def load_lanes(system: Definition, order: int, exact: dict[int, int]) -> Compile
         return None
 
 
-def load_own_lanes(system: Definition, order: int) -> CompiledLanes | None:
+def load_own_lanes(system: Definition, order: int, columns: int = 0) -> CompiledLanes | None:
     """Return steps of many motions, each with parameters of its own; None where the definition has no series.
 
     Parameters
     ----------
     order : int
         Last coefficient of the Taylor series.
+    columns : int, optional
+        Perturbations that each motion carries.
     """
     from saltus.system.taylor import NotAnalyticError
 
     try:
+        if columns:
+            return CompiledLanes(module_of(GROWTH_LANES, system, order, columns, system.positive))
         return CompiledLanes(module_of(OWN_LANES, system, order, system.positive))
     except NotAnalyticError:
         return None

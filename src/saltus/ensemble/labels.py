@@ -168,14 +168,14 @@ class Returning(NamedTuple):
 class Section(NamedTuple):
     """Where motions return, and how often.
 
-    transitions: (transitions,), 1 for those that are returns; none where phase 0 is. first: field of a lane with the
-    first of its own numbers. period: place of the time between two looks among these. taken: field with the last
-    transition, from 1. itol: inverse tolerance. skip, keep: returns that are dropped, then kept. patience: looks
-    without a return after which a motion is left to others.
+    transitions: (transitions,), 1 for those that are returns; at_look: whether each look is one. first: field of a
+    lane with the first of its own numbers. period: place of the time between two looks among these. taken: field with
+    the last transition, from 1. itol: inverse tolerance. skip, keep: returns that are dropped, then kept. patience:
+    looks without a return after which a motion is left to others.
     """
 
     transitions: NDArray[np.int64]
-    at_phase: bool
+    at_look: bool
     first: int
     period: int
     taken: int
@@ -190,7 +190,8 @@ class Returns(NamedTuple):
 
     labels: (m,), NOT_DONE until all returns are kept, then 0; LEFT_OVER or REFUSED. seen: (m,), returns so far. gaps:
     (m,), the longest time between two. states: (m, keep, n), with phases (m, keep) as times since phase 0, times since
-    the start, and modes. ends: (m, n), end_times since phase 0, and end_modes.
+    the start, and modes. ends: (m, n), end_times since phase 0, and end_modes. logs: (m, keep, columns), logarithms of
+    the growth of perturbations, which lie behind the state, before each return.
     """
 
     labels: NDArray[np.uint8]
@@ -203,3 +204,4 @@ class Returns(NamedTuple):
     ends: NDArray[np.float64]
     end_times: NDArray[np.float64]
     end_modes: NDArray[np.int64]
+    logs: NDArray[np.float64]

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["LaneText"]
 
 PARAMETER = re.compile(r"\bp\[(\d+)\]")  # text that reads a parameter, or a constant of parameters
+PERTURBED = 1e-3  # weight of the error of a perturbation, over that of a state
 OWN = {"rate", "period", "longest"}  # numbers besides parameters that a lane may have of its own
 
 
@@ -154,14 +155,20 @@ class LaneText(Writer):
 
     def weight(self, i: int) -> str:
         """Inverse of the size against which the error of state i is measured."""
-        return f"1.0/({self.number('floor')} + abs(x{i}))" if self.own else self.number(f"iscale{i}")
+        if not self.own:
+            return self.number(f"iscale{i}")
+        n = len(self.system.system.states)
+        if i < n:
+            return f"1.0/({self.number('floor')} + abs(x{i}))"
+        first = i // n * n
+        return f"{PERTURBED!r}/(1e-300 + {' + '.join(f'abs(x{j})' for j in range(first, first + n))})"
 
     def event_weight(self, k: int) -> str:
         """Inverse of the size against which the error of an event function is measured, that of transition k."""
         if not self.own:
             return self.number(f"escale{k}")
         size = "abs(x0)"
-        for i in range(1, self.n_states):
+        for i in range(1, len(self.system.system.states)):
             size = f"max({size}, abs(x{i}))"
         return f"1.0/({self.number('floor')} + {size})"
 

@@ -298,7 +298,7 @@ class LaneWriter(LaneText):
                 if (direction and k not in self.two_sided) or self._repeats_nothing(k, moved):
                     continue
                 before = f"{float(direction)!r}" if direction else f"-{self.load(self.side(j))}"
-                changed = [x for x in s.x if moved[x] != x]
+                changed = [x for x in s.x[: len(s.system.states)] if moved[x] != x]
                 texts = [f"{before}*({self.text_of(rate, names)}) > 0.0"]
                 if len(changed) == 1:  # a reset that turns no rate back is a threshold's
                     turn = -sympy.diff(s.rate[k], changed[0]) * sympy.diff(rate, changed[0])

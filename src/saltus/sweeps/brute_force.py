@@ -46,6 +46,7 @@ __all__ = ["run_sweep"]
 _TOGETHER = 128  # motions side by side, at most: with more the next look at an interrupt would be far
 _FEWEST = 16  # stretches from which on lanes pay
 _MANY = 100_000  # returns from which on lanes pay for being compiled
+_MANY_MEASURED = 25_000  # returns, over which an exponent is measured, from which on its lanes pay
 
 
 def run_sweep(
@@ -122,9 +123,10 @@ def run_sweep(
     record = Record.begun(task, grid, directions, path, reporter)
     pieces = _pieces(directions, grid.size, grid.size if anew else chosen.chunks)
     lanes = None
-    if chosen.lanes or (chosen.lanes is None and _lanes_pay(len(pieces), grid.size * len(directions), chosen)):
-        lanes = task.by_lanes(float(grid[0]))
-    together = None if lanes is None else Together(lanes.settled_together, _TOGETHER)
+    count = grid.size * len(directions)
+    if chosen.lanes or (chosen.lanes is None and _lanes_pay(len(pieces), count, chosen)):
+        lanes = task.by_lanes(float(grid[0]), growing=_growth_pays(len(pieces), count, chosen))
+    together = None if lanes is None else Together(lanes.begun_together, _TOGETHER)
     left = record.left(pieces)
     try:
         with (
@@ -144,6 +146,12 @@ def _lanes_pay(pieces: int, values: int, options: SweepOptions) -> bool:
     """Whether motions side by side save more time than it takes to compile their steps; told by the input alone."""
     returns = options.discard + options.criteria.looked_at(options.keep)
     return pieces >= _FEWEST and values * returns >= _MANY
+
+
+def _growth_pays(pieces: int, values: int, options: SweepOptions) -> bool:
+    """Whether it is so for steps with perturbations, which save more, and take longer to compile."""
+    wanted = options.exponents * (options.exponents + 1) // 2
+    return pieces >= _FEWEST and values * options.criteria.looked_at(options.keep) >= wanted * _MANY_MEASURED
 
 
 # the values, in the order in which they are computed

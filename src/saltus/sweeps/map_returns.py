@@ -85,12 +85,16 @@ class MapReturns:
             int(pieces[-1]),
         )
 
-    def by_lanes(self, p: NDArray[np.float64]) -> None:
+    def by_lanes(self, p: NDArray[np.float64], *, growing: bool) -> None:
         """Return None: iterations have no lanes."""
 
     def settled_together(self, starts: Sequence[Any], count: int) -> Sequence[None]:
         """Return None for each: iterations have no lanes."""
         return [None] * len(starts)
+
+    def grown_together(self, settled: Sequence[Any], count: int) -> Sequence[None]:
+        """Return None for each: iterations have no lanes."""
+        return [None] * len(settled)
 
     def mean_time(self, found: PoincareReturns) -> float:
         """Return the time of an iteration, 1."""

@@ -6,7 +6,7 @@ import math
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 
@@ -31,7 +31,10 @@ if TYPE_CHECKING:
     from saltus.flow.motion_kind import Criteria, Kind
     from saltus.sweeps.options import SweepOptions
 
-__all__ = ["FlowReturns", "Returns"]
+__all__ = ["FlowReturns", "Returns", "Settled"]
+
+# parameters of a motion, its state and mode, and its mean time between returns
+Settled: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.float64], int, float]"
 
 _FIRST = 16  # dropped returns that tell the mean return time
 
@@ -69,11 +72,17 @@ class Returns(Protocol):
     def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> PoincareReturns:
         """Return returns after those that are dropped, fewer where the motion stops returning."""
 
-    def by_lanes(self, p: NDArray[np.float64]) -> Returns | None:
-        """Return the same that can follow motions side by side in lanes; None where there are no lanes."""
+    def by_lanes(self, p: NDArray[np.float64], *, growing: bool) -> Returns | None:
+        """Return the same that can follow motions side by side in lanes; None where there are no lanes.
+
+        `growing`: whether perturbations of them, too.
+        """
 
     def settled_together(self, starts: Sequence[Start | None], count: int) -> Sequence[PoincareReturns | None]:
         """Return for several motions what `settled` does, None for those that it has to follow alone."""
+
+    def grown_together(self, settled: Sequence[Settled], count: int) -> Sequence[Growth | None]:
+        """Return for several motions what `growth` does, None for those that it has to follow alone."""
 
     def mean_time(self, found: PoincareReturns) -> float:
         """Return the mean time between returns."""
@@ -112,6 +121,7 @@ class FlowReturns:
     rtol: float
     atol: float
     many: ManyReturns | None = None
+    growing: bool = False
     # the last of them where x0 is in no mode
     faults: ClassVar[tuple[type[Exception], ...]] = (ChatteringError, DivergenceError, StiffnessError, InputError)
 
@@ -196,7 +206,7 @@ class FlowReturns:
             unit = mean if self.system.phase is None else max(mean, unit)
         return self._iterated(p, x, mode, dropped, count, self.criteria.absence * unit)
 
-    def by_lanes(self, p: NDArray[np.float64]) -> FlowReturns | None:
+    def by_lanes(self, p: NDArray[np.float64], *, growing: bool) -> FlowReturns | None:
         """Return the same that can follow motions side by side in lanes; None where there are no lanes."""
         if self.system.angles or self.criteria.absence < _LEAST_ABSENCE:
             return None
@@ -206,8 +216,14 @@ class FlowReturns:
             if interval is None:
                 return None
         absence = 0.25 * self.criteria.absence
-        many = ManyReturns(self.steady, self.section, (self.rtol, self.atol), interval, absence)
-        return replace(self, many=many) if many.load() else None
+        many = ManyReturns(self.steady, self.section, (self.rtol, self.atol), interval, absence, self.exponents)
+        if not many.load():
+            return None
+        # where the phase goes on, lanes look at it alone, not at the returns to another section
+        growing = growing and (self.section is None or self.system.phase is None)
+        if growing:
+            many.load_growth()
+        return replace(self, many=many, growing=growing)
 
     def _first_return(self, p: NDArray[np.float64]) -> float | None:
         """Return the mean time of the first returns of the motion from `x0`; None where it has none."""
@@ -226,6 +242,13 @@ class FlowReturns:
             for i, returns in zip(those, self.many.follow(list(those.values()), self.discard, count), strict=True):
                 found[i] = returns
         return found
+
+    def grown_together(self, settled: Sequence[Settled], count: int) -> Sequence[Growth | None]:
+        """Return for several motions what `growth` does, None for those that it has to follow alone."""
+        if self.many is None or not self.growing:
+            return [None] * len(settled)
+        starts = [Start(p, x, mode, time) for p, x, mode, time in settled]
+        return self.many.growth(starts, max(count // 4, 1), count)
 
     def mean_time(self, found: PoincareReturns) -> float:
         """Return the mean time between returns."""

@@ -27,7 +27,7 @@ from saltus.system.maps import checked_system, flowing
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Row", "Task"]
+__all__ = ["Begun", "Row", "Task"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,17 @@ class Row:
     def end(self) -> tuple[NDArray[np.float64], int] | None:
         """State and mode from which the motion goes on."""
         return None if self.state is None else (self.state, self.mode)
+
+
+class Begun(NamedTuple):
+    """What is known of a motion before its row, or None.
+
+    Its returns, the growth of its perturbations, and that over a longer time where this is needed.
+    """
+
+    found: PoincareReturns | None = None
+    growth: Growth | None = None
+    longer: Growth | None = None
 
 
 class _Seen(NamedTuple):
@@ -124,15 +135,19 @@ class Task:
         """Load the compiled functions, before threads ask for them."""
         self.motions.load(self.system.parameter_vector({**self.parameters, self.parameter: value}))
 
-    def by_lanes(self, value: float) -> Task | None:
-        """Return the same that can follow motions side by side in lanes; None where there are no lanes."""
-        motions = self.motions.by_lanes(self.system.parameter_vector({**self.parameters, self.parameter: value}))
+    def by_lanes(self, value: float, *, growing: bool) -> Task | None:
+        """Return the same that can follow motions side by side in lanes; None where there are no lanes.
+
+        `growing`: whether perturbations of them, too.
+        """
+        p = self.system.parameter_vector({**self.parameters, self.parameter: value})
+        motions = self.motions.by_lanes(p, growing=growing)
         return None if motions is None else replace(self, motions=motions)
 
-    def settled_together(
+    def begun_together(
         self, values: Sequence[float], ends: Sequence[tuple[NDArray[np.float64], int] | None]
-    ) -> Sequence[PoincareReturns | None]:
-        """Return the returns of the motion at each value, as `row` takes them; None where it follows the motion alone.
+    ) -> Sequence[Begun]:
+        """Return what is known of the motion at each value before `row`, which takes it.
 
         Parameters
         ----------
@@ -141,36 +156,56 @@ class Task:
         ends : sequence
             Ends of the motions at the values before.
         """
+        vectors = [self.system.parameter_vector({**self.parameters, self.parameter: value}) for value in values]
         starts: list[Start | None] = []
-        for value, end in zip(values, ends, strict=True):
-            p = self.system.parameter_vector({**self.parameters, self.parameter: value})
+        for p, end in zip(vectors, ends, strict=True):
             try:
                 starts.append(Start(p, *self.motions.start(p, end)))
             except self.motions.faults:
                 starts.append(None)
-        return self.motions.settled_together(starts, self._looked_at)
+        settled = self.motions.settled_together(starts, self._looked_at)
+        times = {i: self.motions.mean_time(found) for i, found in enumerate(settled) if found is not None}
+        returns = self._looked_at
+        begins = [(i, found.x_end, found.mode_end) for i, found in enumerate(settled) if found is not None]
+        grown = self._grown_together(begins, vectors, times, returns)
+        open_ = [(i, g.x_end, g.mode_end) for i, g in grown.items() if self._is_open(g, times[i])]
+        longer = self._grown_together(open_, vectors, times, returns * self.criteria.patience)
+        return [Begun(found, grown.get(i), longer.get(i)) for i, found in enumerate(settled)]
 
-    def row(
+    def _grown_together(
         self,
-        value: float,
-        end: tuple[NDArray[np.float64], int] | None,
-        found: PoincareReturns | None = None,
-    ) -> Row:
+        begins: Sequence[tuple[int, NDArray[np.float64], int]],
+        vectors: Sequence[NDArray[np.float64]],
+        times: Mapping[int, float],
+        returns: int,
+    ) -> dict[int, Growth]:
+        """Return the growth along motions that is found side by side, by their places."""
+        settled = [(vectors[i], x, mode, times[i]) for i, x, mode in begins]
+        grown = self.motions.grown_together(settled, returns)
+        return {i: growth for (i, *_), growth in zip(begins, grown, strict=True) if growth is not None}
+
+    def _is_open(self, growth: Growth, time: float) -> bool:
+        """Whether the error of the leading exponent leaves open if a motion is chaotic, and a longer time may tell."""
+        near = abs(growth.exponents[0] - self.criteria.exponent / time) < growth.errors[0]
+        return bool(near) and self.criteria.patience > 1
+
+    def row(self, value: float, end: tuple[NDArray[np.float64], int] | None, begun: Begun | None = None) -> Row:
         """Return the results at a value; the motion starts from its end at the value before.
 
-        `found` are the returns of that motion, if they are known.
+        `begun` is what is known of that motion already.
         """
         parameters = {**self.parameters, self.parameter: value}
         p = self.system.parameter_vector(parameters)
+        known = Begun() if begun is None else begun
+        found = known.found
         try:
             if found is None:
                 found = self.motions.settled(p, *self.motions.start(p, end), self._looked_at)
-            return self._found(parameters, p, found)
+            return self._found(parameters, p, self._seen(p, found, known))
         except self.motions.faults as error:
             return Row(CHATTERING if isinstance(error, ChatteringError) else DIVERGED, str(error))
 
-    def _found(self, parameters: Mapping[str, float], p: NDArray[np.float64], settled: PoincareReturns) -> Row:
-        seen = self._seen(p, settled)
+    def _found(self, parameters: Mapping[str, float], p: NDArray[np.float64], seen: _Seen) -> Row:
         if self._rests(seen):
             pushed = _pushed(seen.found.x_end, len(self.system.states), self.criteria.push)
             seen = self._seen(p, self.motions.settled(p, pushed, seen.found.mode_end, self._looked_at))
@@ -195,11 +230,11 @@ class Task:
             mode=found.mode_end,
         )
 
-    def _seen(self, p: NDArray[np.float64], found: PoincareReturns) -> _Seen:
+    def _seen(self, p: NDArray[np.float64], found: PoincareReturns, known: Begun | None = None) -> _Seen:
         """Find the kind of a motion from its returns."""
         if len(found.times) < self._looked_at:
             return _Seen(found, None, Kind(NO_RETURN, 0, math.nan, 0))
-        return _Seen(found, *self._measured(p, found))
+        return _Seen(found, *self._measured(p, found, Begun() if known is None else known))
 
     def _rests(self, seen: _Seen) -> bool:
         """Whether a motion that recurs does so although its leading exponent is above 0, by more than its error."""
@@ -219,16 +254,16 @@ class Task:
             points[: len(states), column] = evaluate(self.system, text, states, modes, parameters)
         return points
 
-    def _measured(self, p: NDArray[np.float64], found: PoincareReturns) -> tuple[Growth, Kind]:
+    def _measured(self, p: NDArray[np.float64], found: PoincareReturns, known: Begun) -> tuple[Growth, Kind]:
         """Return the growth of perturbations, and the kind of the motion."""
-        returns = self._looked_at
-        time = self.motions.mean_time(found)
-        compared = self.motions.compared(p, found, time)
-        growth = self.motions.growth(p, found.x_end, found.mode_end, returns, time)
+        returns, motions = self._looked_at, self.motions
+        time = motions.mean_time(found)
+        compared = motions.compared(p, found, time)
+        growth = known.growth or motions.growth(p, found.x_end, found.mode_end, returns, time)
         kind = self._kind(compared, growth, time)
-        near = abs(growth.exponents[0] - self.criteria.exponent / time) < growth.errors[0]
-        if not kind.period and near and self.criteria.patience > 1:
-            growth = self.motions.growth(p, growth.x_end, growth.mode_end, returns * self.criteria.patience, time)
+        if not kind.period and self._is_open(growth, time):
+            more = returns * self.criteria.patience
+            growth = known.longer or motions.growth(p, growth.x_end, growth.mode_end, more, time)
             kind = self._kind(compared, growth, time)
         return growth, kind
 

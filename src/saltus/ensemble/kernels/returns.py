@@ -6,6 +6,8 @@ counted, and the last ones kept.
 
 from __future__ import annotations
 
+import math
+
 from saltus.ensemble.kernels.lanes import SCALAR, ld, st
 from saltus.ensemble.kernels.life import (
     COUNT,
@@ -34,6 +36,7 @@ __all__ = ["follow_returns"]
 BASE = 0
 LAST = 1
 N_CLOCKS = 2
+PARALLEL = 1e-9  # length of a perturbation across the others, over its own, below which its direction is lost
 
 
 @part
@@ -79,13 +82,53 @@ def done(i, mode, phase, found):
 
 
 @part
+def orthonormal(i, R, lane, n, section, found):
+    """Make the perturbations of motion i orthonormal, and keep the logarithms of their lengths; whether they had any.
+
+    Modified Gram-Schmidt, a second time for each.
+    """
+    columns, place = found.logs.shape[2], found.seen[i] - section.skip
+    states = n // (1 + columns)
+    for c in range(columns):
+        at = states * (1 + c)
+        before = length(R, lane, at, states)
+        for b in range(2 * c):
+            other = states * (1 + b % c)
+            product = 0.0
+            for e in range(states):
+                product += ld(R, (other + e) * NL, lane) * ld(R, (at + e) * NL, lane)
+            for e in range(states):
+                st(R, (at + e) * NL, lane, ld(R, (at + e) * NL, lane) - product * ld(R, (other + e) * NL, lane))
+        left = length(R, lane, at, states)
+        if not (left > PARALLEL * before and left > 0.0 and left < math.inf):
+            return False
+        for e in range(states):
+            st(R, (at + e) * NL, lane, ld(R, (at + e) * NL, lane) / left)
+        if place >= 0:
+            found.logs[i, place, c] = math.log(left)
+    return True
+
+
+@part
+def length(R, lane, at, states):
+    """Length of a perturbation, from its first field."""
+    total = 0.0
+    for e in range(states):
+        total += ld(R, (at + e) * NL, lane) ** 2
+    return math.sqrt(total)
+
+
+@part
 def looked_at(i, k, R, lane, x, lanes, motions, section, found, clocks, looks):
     """Look at motion i at phase 0, or after an interval; return its pool, or a negative number."""
     n = x.size
     clocks[i, BASE] += motions.numbers[i, section.period]
     st(R, (n + TIME) * NL, lane, 0.0)
     st(R, (n + COUNT) * NL, lane, 0.0)
-    if section.at_phase:
+    if section.at_look:
+        if found.logs.shape[2] > 0 and not orthonormal(i, R, lane, n, section, found):
+            found.labels[i] = LEFT_OVER
+            return HARD
         read(lanes, k, R, lane, x)
         if returned(i, lanes.mode_of[k], x, 0.0, section, found, clocks):
             for e in range(n):
