@@ -245,7 +245,7 @@ def test_a_dask_cluster_computes_the_same(impact_oscillator):
 )
 def test_many_returns_of_many_stretches_are_followed_by_lanes(impact_oscillator, monkeypatch, options, by_lanes):
     asked = []
-    monkeypatch.setattr(Task, "by_lanes", lambda *_: asked.append(True))
+    monkeypatch.setattr(Task, "by_lanes", lambda *_, **__: asked.append(True))
     monkeypatch.setattr(Task, "row", interrupted)
     run_sweep(impact_oscillator, "A", AMPLITUDES[:1].repeat(40) + np.arange(40) / 100, options=SweepOptions(**options))
     assert bool(asked) == by_lanes
