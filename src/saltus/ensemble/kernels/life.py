@@ -150,21 +150,55 @@ def after_step(i, k, R, lane, x, seen, lanes, regions, boxes, settings, found):
 
 
 @part
+def under_way(count):
+    """Return how many motions are under way."""
+    total = 0
+    for k in range(count.size):
+        total += count[k]
+    return total
+
+
+@part
+def worth_while(count, full):
+    """Return how many motions a pool needs for a step: `FEW`, where all lanes are in use, or as many as the fullest has."""
+    most = 1
+    for k in range(count.size):
+        most = max(most, count[k])
+    return min(most, FEW) if full else 1
+
+
+@part
+def joins(lanes, S, who, count, to, i):
+    """Put motion i, which has begun in the spare lane, into a pool."""
+    move(lanes, S[count.size], 0, S[to], count[to])
+    who[to, count[to]] = i
+    count[to] += 1
+
+
+@part
 def filled(at, lanes, motions, regions, settings, found, alive, scratch):
     """Begin motions from `at` on until enough are alive: the next one, and how many are alive."""
     S, who, count, _, x = scratch
-    spare, total = count.size, 0
-    for k in range(count.size):
-        total += count[k]
+    spare, total = count.size, under_way(count)
     while total < alive and at < motions.points.shape[0]:
         to = begun(at, S[spare], 0, x, lanes, motions, regions, settings, found)
         if to >= 0:
-            move(lanes, S[spare], 0, S[to], count[to])
-            who[to, count[to]] = at
-            count[to] += 1
+            joins(lanes, S, who, count, to, at)
             total += 1
         at += 1
     return at, total
+
+
+@part
+def passed_on(lanes, S, who, count, k, lane, to):
+    """Move a motion from a lane of pool k to pool `to`, to none where that is negative, and close the gap."""
+    if to >= 0:
+        move(lanes, S[k], lane, S[to], count[to])
+        who[to, count[to]] = who[k, lane]
+        count[to] += 1
+    count[k] -= 1
+    move(lanes, S[k], count[k], S[k], lane)
+    who[k, lane] = who[k, count[k]]
 
 
 @njit(cache=True, **SCALAR)
@@ -179,13 +213,9 @@ def run(lanes, motions, regions, boxes, settings, found, alive, work, scratch):
         at, total = filled(at, lanes, motions, regions, settings, found, alive, scratch)
         if total == 0:
             return
-        most = 0
+        least = worth_while(count, total >= alive)
         for k in range(count.size):
-            if count[k] > most:
-                most = count[k]
-        few = FEW if total >= alive else 1
-        for k in range(count.size):
-            if count[k] == 0 or (count[k] < few and count[k] < most):
+            if count[k] < least:
                 continue
             R = S[k]
             called(lanes.functions[STEP + k], k, pointer(R, 0), (count[k] + VECTOR - 1) // VECTOR * VECTOR, p, q)
@@ -201,10 +231,4 @@ def run(lanes, motions, regions, boxes, settings, found, alive, work, scratch):
                 if to == k:
                     lane += 1
                     continue
-                if to >= 0:
-                    move(lanes, R, lane, S[to], count[to])
-                    who[to, count[to]] = i
-                    count[to] += 1
-                count[k] -= 1
-                move(lanes, R, count[k], R, lane)
-                who[k, lane] = who[k, count[k]]
+                passed_on(lanes, S, who, count, k, lane, to)

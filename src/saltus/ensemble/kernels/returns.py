@@ -11,7 +11,6 @@ import math
 from saltus.ensemble.kernels.lanes import SCALAR, ld, st
 from saltus.ensemble.kernels.life import (
     COUNT,
-    FEW,
     FLAG,
     ITOL,
     STEP,
@@ -21,10 +20,13 @@ from saltus.ensemble.kernels.life import (
     begin,
     called,
     goes_on,
-    move,
+    joins,
     part,
+    passed_on,
     read,
     turned,
+    under_way,
+    worth_while,
 )
 from saltus.ensemble.labels import AT_STROBE, DONE, HARD, LEFT_OVER, MOST_STEPS, NL, REFUSED
 from saltus.system.numba_tools.machine_code import njit
@@ -185,25 +187,18 @@ def follow_returns(lanes, motions, section, found, alive, scratch, clocks):
     S, who, count, looks, x = scratch
     at, spare, p, q = 0, count.size, pointer(lanes.p, 0), pointer(lanes.q, 0)
     while True:
-        total = 0
-        for k in range(count.size):
-            total += count[k]
+        total = under_way(count)
         while total < alive and at < motions.points.shape[0]:
             to = begun(at, S[spare], 0, lanes, motions, section, found, clocks)
             if to >= 0:
-                move(lanes, S[spare], 0, S[to], count[to])
-                who[to, count[to]] = at
-                count[to] += 1
+                joins(lanes, S, who, count, to, at)
                 total += 1
             at += 1
         if total == 0:
             return
-        most = 0
+        least = worth_while(count, total >= alive)
         for k in range(count.size):
-            most = max(most, count[k])
-        few = FEW if total >= alive else 1
-        for k in range(count.size):
-            if count[k] == 0 or (count[k] < few and count[k] < most):
+            if count[k] < least:
                 continue
             R = S[k]
             called(lanes.functions[STEP + k], k, pointer(R, 0), (count[k] + VECTOR - 1) // VECTOR * VECTOR, p, q)
@@ -218,10 +213,4 @@ def follow_returns(lanes, motions, section, found, alive, scratch, clocks):
                 if to == k:
                     lane += 1
                     continue
-                if to >= 0:
-                    move(lanes, R, lane, S[to], count[to])
-                    who[to, count[to]] = i
-                    count[to] += 1
-                count[k] -= 1
-                move(lanes, R, count[k], R, lane)
-                who[k, lane] = who[k, count[k]]
+                passed_on(lanes, S, who, count, k, lane, to)
