@@ -1,4 +1,4 @@
-"""Meshes of an orbit's segments: made for its states, by explicit or implicit steps, and halved."""
+"""Meshes of an orbit's segments: made for its states, by explicit or implicit steps, and made stable."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from saltus.system.compiled import Compiled
 
-__all__ = ["FEW", "adapted", "decays", "halved", "implicit_steps", "steady"]
+__all__ = ["FEW", "adapted", "decays", "implicit_steps", "joined", "stabilised", "steady"]
 
 FEW = 500  # explicit steps of a segment up to which implicit ones are not tried
 _FEW_STEPS = 1 << 12  # of a mesh that is tried before there is room for as many as may be
@@ -108,6 +108,31 @@ def decays(
     return found
 
 
+def stabilised(
+    places: NDArray[np.float64], starts: NDArray[np.int64], decays: list[float]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return meshes, one after the other, with steps cut where they are too long for stability; where each begins.
+
+    Parameters
+    ----------
+    places : ndarray
+        All segments' clustered times.
+    starts : ndarray of int64, shape (segments + 1,)
+        Where each segment's begin.
+    decays : list of float
+        What `decays` returns.
+    """
+    if not max(decays) > _SLOW:
+        return places, starts
+    parts = np.split(places, starts[1:-1])
+    return joined([steady(mesh, decay) for mesh, decay in zip(parts, decays, strict=True)])
+
+
+def joined(meshes: list[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the segments' meshes one after the other, and where each begins."""
+    return np.concatenate(meshes), np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
+
+
 def steady(mesh: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
     """Return a mesh with steps cut where they are too long for stability, at a decay over the segment.
 
@@ -120,7 +145,3 @@ def steady(mesh: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
     ends = np.concatenate([[0], np.cumsum(parts)])
     return np.interp(np.arange(ends[-1] + 1), ends, mesh)
 
-
-def halved(mesh: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a mesh with each step cut in half."""
-    return np.interp(np.arange(2 * mesh.size - 1) / 2.0, np.arange(mesh.size), mesh)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import ConvergenceError
-from saltus.orbits.meshes import FEW, adapted, decays, halved, implicit_steps, steady
+from saltus.orbits.meshes import FEW, adapted, decays, implicit_steps, joined, stabilised
 from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of
 from saltus.orbits.resting import at_rest, nearest_to_zero, sizes_nearby
@@ -32,8 +31,9 @@ _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes o
 _MOST_SLIDING = 20_000  # steps of an orbit that slides, beyond which it comes too near to a two-fold
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
-_UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved: they may be unstable
 _REMESHED = 12  # most times that the meshes of one orbit are moved
+_NONE = np.empty(0)
+_NO_STEPS = np.empty((0, 2))
 _DISCRETISATION = (
     "mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
 )  # fmt: skip
@@ -59,6 +59,7 @@ class OrbitProblem:
             curve as curve_kernels,
             equation as equation_kernels,
             mesh as mesh_kernels,
+            newton as newton_kernels,
             pencil as pencil_kernels,
             survey as survey_kernels,
         )
@@ -66,6 +67,7 @@ class OrbitProblem:
         self.signature.check(self.system)
         self.equations, self.pencils = equation_kernels, pencil_kernels
         self._meshes, self._surveys, self._curves = mesh_kernels, survey_kernels, curve_kernels
+        self.newton = newton_kernels
         compiled = self.system.compiled
         self.n = compiled.n
         self.segments = len(self.signature)
@@ -175,18 +177,18 @@ class OrbitProblem:
         if isinstance(found, int):
             return found
         meshes, self.stiff = found
-        self._use(meshes)
+        self._use(*joined(meshes))
         return None
 
     def kept(self) -> dict[str, Any]:
         """Return the meshes and sizes, for `take`."""
-        return {name: copy.copy(getattr(self, name)) for name in _DISCRETISATION}
+        return {name: _copied(getattr(self, name)) for name in _DISCRETISATION}
 
     def take(self, kept: Mapping[str, Any]) -> None:
         """Take meshes and sizes that were kept."""
         for name, value in kept.items():
-            setattr(self, name, copy.copy(value))
-        self._new_arrays()
+            setattr(self, name, _copied(value))
+        self._errors = np.zeros(self.mesh[0].size)
 
     @property
     def phase_plane(self) -> NDArray[np.float64]:
@@ -269,22 +271,26 @@ class OrbitProblem:
             self._set_absolute_tolerance()
             self._largest = np.maximum(self._largest, sizes)
 
-    def _use(self, meshes: list[NDArray[np.float64]]) -> None:
-        if not self.stiff:
-            meshes = [steady(mesh, decay) for mesh, decay in zip(meshes, self._decays, strict=True)]
-        places = np.concatenate(meshes)
-        starts = np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
-        self.mesh = places, starts
-        self._new_arrays()
+    def _use(self, places: NDArray[np.float64], starts: NDArray[np.int64]) -> None:
+        self.mesh = (places, starts) if self.stiff else stabilised(places, starts, self._decays)
+        self._errors = np.zeros(self.mesh[0].size)
 
-    def _new_arrays(self) -> None:
+    def _curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the arrays of the dense output, as long as the meshes are."""
         nodes = self.mesh[0].size
-        self._errors, self._dense = np.zeros(nodes), (np.empty(nodes * self.n), np.empty(nodes * 7 * self.n))
+        if self._dense[0].size != nodes * self.n:
+            self._dense = np.empty(nodes * self.n), np.empty(nodes * 7 * self.n)
+        return self._dense
 
     @property
     def steps(self) -> int:
         """Steps in all segments' meshes."""
         return int(self._errors.size - self.segments)
+
+    @property
+    def crowded(self) -> bool:
+        """Whether an orbit that slides takes so many steps that it comes too near to a two-fold."""
+        return self._slides and self.steps > _MOST_SLIDING
 
     def refine(self) -> bool:
         """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
@@ -311,15 +317,11 @@ class OrbitProblem:
         return self.stiff
 
     def _move(self, limit: float) -> bool:
-        if not self._worst <= _UNSTABLE and self.steps < FEW * self.segments:
-            self._use([halved(mesh) for mesh in np.split(self.mesh[0], self.mesh[1][1:-1])])
-            return False
-        fine, fresh, counts = self._meshes.remesh(*self.mesh, self._errors, limit)
-        if counts.size:
-            if not np.all(np.isfinite(self._errors)):
-                return False
-            ends = np.cumsum(counts + 1)
-            self._use([fresh[end - count - 1 : end] for end, count in zip(ends, counts, strict=True)])
+        fine, changed, *mesh = self._meshes.moved(
+            *self.mesh, self._errors, limit, self._worst, FEW * self.segments
+        )
+        if changed:
+            self._use(*mesh)
         return bool(fine)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -328,7 +330,7 @@ class OrbitProblem:
         The meshes of a stiff flow are made anew for `u` where they do not fit it.
         """
         m = self.size
-        if self._slides and self.steps > _MOST_SLIDING:
+        if self.crowded:
             return np.full(m, np.nan), np.full((m, m + self._active.size), np.nan)
         F, J = np.empty(m), np.empty((m, m + self._active.size))
         self._evaluate(u, F, J)
@@ -338,8 +340,16 @@ class OrbitProblem:
         return F, J
 
     def _evaluate(self, u: NDArray[np.float64], F: NDArray[np.float64], J: NDArray[np.float64]) -> None:
+        self.correct((_NONE, _NONE, _NONE), self.newton.evaluation(), (u, F, J, _NO_STEPS))
+
+    def correct(self, plane: tuple[Any, ...], numbers: NDArray[np.float64], written: tuple[Any, ...]) -> int:
+        """Call `saltus.orbits.kernels.newton.newton` on the meshes as they are; `written` are u, F, J and steps."""
+        u, F, J, steps = written
         tolerances, phase = (self.tol, self._atol), (self._anchor, self._shares)
-        self._worst = self.equations.equations(self.record, self.mesh, phase, tolerances, u, F, J, self._errors)
+        given = self.record, self.mesh, phase, tolerances, plane, numbers
+        told = self.newton.newton(*given, u, F, J, self._errors, steps)
+        self._worst = float(numbers[self.newton.WORST])
+        return int(told)
 
     def resolve(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what `evaluate` does, on meshes moved until they are fine enough for the sensitivities, too.
@@ -419,7 +429,7 @@ class OrbitProblem:
         counts, rates = np.empty((self.segments, transitions), dtype=np.int64), np.zeros((self.segments, 4))
         found = lows, highs, margins, places, rates, ahead, behind, unmet, counts, np.empty(self.n), moments
         faults = self._surveys.survey(
-            self.record, self._events, self.mesh, self._dense, (self.tol, self._atol), self.state_scale, u, found
+            self.record, self._events, self.mesh, self._curve(), (self.tol, self._atol), self.state_scale, u, found
         )
         return Survey(int(faults) & ~COARSE, bool(faults & COARSE), *found)
 
@@ -430,14 +440,18 @@ class OrbitProblem:
 
         Mesh (node,), offsets of the segments' meshes, states (node, n) and coefficients (node, 7, n).
         """
-        (places, starts), (nodes, coefficients) = self.mesh, self._dense
+        (places, starts), (nodes, coefficients) = self.mesh, self._curve()
         return places, starts, nodes.reshape(-1, self.n), coefficients.reshape(-1, 7, self.n)
 
     def state_on(self, segment: int, place: float) -> NDArray[np.float64]:
         """Return the full state at a clustered time of a segment, as last surveyed."""
         x = np.empty(self.n)
-        self._curves.state_on(self.mesh, self._dense, segment, place, x)
+        self._curves.state_on(self.mesh, self._curve(), segment, place, x)
         return x
+
+
+def _copied(value: Any) -> Any:
+    return value.copy() if isinstance(value, np.ndarray) else value
 
 
 def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> None:

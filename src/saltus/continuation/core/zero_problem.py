@@ -18,9 +18,14 @@ if TYPE_CHECKING:
     Line = tuple[NDArray[np.float64], NDArray[np.float64]] | NDArray[np.float64]  # a point and its tangent
     Share = float | NDArray[np.float64]  # of one step, or of many
 
-__all__ = ["SAME", "Event", "Examined", "Point", "ZeroProblem", "correct", "cubic", "hermite", "start_point"]
+__all__ = ["APART", "ENDLESS", "LATE", "SAME", "SINGULAR", "Event", "Examined", "Point", "ZeroProblem", "correct", "cubic", "hermite", "start_point"]
 
 SAME = 1e-6  # distance in arclength up to which two points of a curve are the same
+# Why Newton's method finds no point.
+SINGULAR = "Newton: the equations are singular there"
+ENDLESS = "Newton: the flow cannot be followed there"
+APART = "Newton: no contraction"
+LATE = "Newton: too many iterations"
 _STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
 _REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
 _RESTS = 1e-9  # parameter's component of a tangent, over the largest, up to which it is rounding
@@ -117,7 +122,7 @@ class Point:
     @property
     def line(self) -> NDArray[np.float64]:
         """The point and its tangent, shape (2, m + 1)."""
-        return np.stack((self.u, self.tangent))
+        return np.array((self.u, self.tangent))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +144,9 @@ def correct(
     """Return the branch's point in the hyperplane through `guess` normal to `tangent`, or why there is none."""
     from saltus.system.numba_tools.linear import bordered
 
+    compiled = getattr(problem, "corrected", None)
+    if compiled is not None and (found := compiled(guess, tangent, weights, iterations)) is not None:
+        return found  # type: ignore[no-any-return]
     u = guess.copy()
     row, scale = weights * tangent, problem.scale()
     previous, remeshed, unstable = math.inf, 0, 0
@@ -149,20 +157,20 @@ def correct(
             continue
         steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
         if sign == 0.0 or not math.isfinite(log):
-            return "Newton: the equations are singular there"
+            return SINGULAR
         if not size < 1e6:
-            return "Newton: the flow cannot be followed there"
+            return ENDLESS
         u = u + steps[:, 0]
         if problem.accurate() and size < _STEP_ACCEPTED:
             direction = steps[:, 1] / math.sqrt(float(weights @ steps[:, 1] ** 2))
             return Point(u, J, direction, weights, sign, log, residual, iteration)
         if size > 0.7 * previous and size > 1e-5:
-            return "Newton: no contraction"
+            return APART
         remeshed += size < _STEP_ACCEPTED
         if iteration - remeshed >= iterations:
             break
         previous = size
-    return "Newton: too many iterations"
+    return LATE
 
 
 def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float = 1.0) -> Point:

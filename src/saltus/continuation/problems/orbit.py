@@ -15,7 +15,7 @@ import numpy as np
 
 from saltus.continuation.core.arclength import RESTS, ROUNDED
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
-from saltus.continuation.core.zero_problem import Event, Examined, Point
+from saltus.continuation.core.zero_problem import APART, ENDLESS, LATE, SINGULAR, Event, Examined, Point
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
@@ -23,6 +23,7 @@ from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.problems.watching import Watched
+from saltus.orbits.correction import corrected
 from saltus.orbits.floquet import (
     Passage,
     doubling_determinant,
@@ -50,6 +51,8 @@ _SN = Monitor("SN")  # parameter's component of the tangent
 _PD = Monitor("PD")  # determinant of a multiplier -1
 _BP = Monitor("BP")  # determinant of the bordered Jacobian
 
+# why there is no point, by what `saltus.orbits.kernels.newton` tells
+_UNSOLVED = {2: SINGULAR, 3: ENDLESS, 4: APART, 5: LATE}
 CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
@@ -173,6 +176,24 @@ class OrbitZeroProblem:
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residual and Jacobian."""
         return self.problem.evaluate(u)
+
+    def corrected(
+        self,
+        guess: NDArray[np.float64],
+        tangent: NDArray[np.float64],
+        weights: NDArray[np.float64],
+        iterations: int,
+    ) -> Point | str | None:
+        """Return what `correct` does, by one compiled call for each mesh; None where there is none for the equations."""
+        found = corrected(self.problem, guess, weights * tangent, self._scale, iterations)
+        if found is None:
+            return None
+        if found.told != self.problem.newton.CONVERGED:
+            return _UNSOLVED[found.told]
+        direction = found.direction / math.sqrt(float(weights @ found.direction**2))
+        return Point(
+            found.u, found.J, direction, weights, found.sign, found.log, found.residual, found.iterations
+        )  # fmt: skip
 
     def accurate(self) -> bool:
         """Return whether the meshes were fine enough at the last evaluation; refine them where they were not."""

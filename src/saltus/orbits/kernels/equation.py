@@ -129,14 +129,14 @@ def piece_at(system, i, u, total):
     return Piece(kind, system.modes[i], system.transitions[i], duration, mean, row, following)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def equations(orbit, mesh, phase, tolerances, u, F, J, errors):
     """Write the residual F, (m,), and the Jacobian J, (m, m + active), of all segment equations.
 
     u: each segment's state (n,) and duration, m = segments * (n + 1) in all; then the active parameters. orbit, mesh, phase:
-    the fields of those records; tolerances: relative and absolute. Returns the largest error of a step, in tolerances.
+    those records; tolerances: relative and absolute. Returns the largest error of a step, in tolerances.
     """
-    orbit, mesh, phase = Orbit(*orbit), Mesh(*mesh), Phase(*phase)
+    outlined()
     system, n, n_active = pointed(orbit), orbit.n, orbit.active.size
     m = system.segments * (n + 1)
     width = m + n_active

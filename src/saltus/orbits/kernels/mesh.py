@@ -2,43 +2,70 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from saltus.flow.kernels.segment import redistribute
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import pointer
+from saltus.system.numba_tools.pointers import INNER, pointer
 
 FINEST = 5.0  # error of a step, in tolerances, up to which a mesh is fine enough
 COARSEST = 5e-3  # largest error in a segment, in tolerances, below which its mesh is finer than needed
 AIM = 0.2  # error of each step of a new mesh, in tolerances
+UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved: they may be unstable
 
 
 @njit(cache=True, error_model="numpy")
-def remesh(mesh, mesh_at, errors, limit):
-    """Return whether the mesh is fine enough, a new flat mesh and the segments' counts; no counts where it may stay.
+def moved(places, starts, errors, limit, worst, most):
+    """Return whether the meshes are fine enough, whether they are to be moved, and the moved ones.
 
-    It may where the largest error is below `limit` and no segment is much finer than need be.
+    They may stay where the largest error is below `limit` and no segment is much finer than need be. Where the largest
+    one known, `worst`, may be that of unstable steps, all steps are halved, if they are fewer than `most`.
     """
-    segments = mesh_at.size - 1
-    mesh_at, errors = pointer(mesh_at, 0), pointer(errors, 0)
-    worst = 0.0
+    segments = starts.size - 1
+    if not worst <= UNSTABLE and places.size - segments < most:
+        fresh, ends = _halved(places, starts)
+        return False, True, fresh, ends
+    mesh_at, error = pointer(starts, 0), pointer(errors, 0)
+    largest = 0.0
     stay = True
     for i in range(segments):
         top = 0.0
         for j in range(mesh_at[i], mesh_at[i + 1] - 1):
-            top = max(top, errors[j])
-        worst = max(worst, top)
+            top = max(top, error[j])
+        largest = max(largest, top)
         if top > limit or (top < COARSEST and mesh_at[i + 1] - mesh_at[i] > 6):
             stay = False
-    counts = np.zeros(0 if stay else segments, np.int64)
-    fresh = np.empty(0 if stay else 3 * mesh.size + 8 * segments)
     if stay:
-        return True, fresh, counts
-    at, grid, new, filled = 0, pointer(mesh, 0), pointer(fresh, 0), pointer(counts, 0)
+        return True, False, places, starts
+    for j in range(errors.size):
+        if not math.isfinite(error[j]):
+            return False, False, places, starts
+    fresh, ends = np.empty(3 * places.size + 8 * segments), np.empty_like(starts)
+    at, grid, new = 0, pointer(places, 0), pointer(fresh, 0)
     for i in range(segments):
         first = mesh_at[i]
         count = mesh_at[i + 1] - first - 1
-        room = pointer(new, at)
-        filled[i] = redistribute(pointer(grid, first), count, pointer(errors, first), AIM, room, 3 * count + 8)
-        at += filled[i] + 1
-    return worst <= FINEST, fresh, counts
+        ends[i] = at
+        at += 1 + redistribute(
+            pointer(grid, first), count, pointer(error, first), AIM, pointer(new, at), 3 * count + 8
+        )  # fmt: skip
+    ends[segments] = at
+    return largest <= FINEST, True, fresh[:at].copy(), ends
+
+
+@njit(**INNER)
+def _halved(places, starts):
+    """Return meshes with each step cut in half."""
+    segments = starts.size - 1
+    fresh, ends = np.empty(2 * places.size - segments), np.empty_like(starts)
+    for i in range(segments):
+        ends[i] = 2 * starts[i] - i
+        for j in range(starts[i], starts[i + 1]):
+            at = 2 * j - i
+            fresh[at] = places[j]
+            if j + 1 < starts[i + 1]:
+                fresh[at + 1] = 0.5 * (places[j + 1] - places[j]) + places[j]
+    ends[segments] = fresh.size
+    return fresh, ends

@@ -1,0 +1,148 @@
+"""Compiled Newton's method for an orbit's equations in a plane: docs/theory/continuation.md, "Pseudo-arclength"."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from saltus.orbits.kernels.equation import equations
+from saltus.orbits.kernels.mesh import FINEST
+from saltus.orbits.records import Mesh, Orbit, Phase
+from saltus.system.numba_tools.linear import bordered
+from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.pointers import INNER
+
+STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
+REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
+_UNSTABLE = 2  # most evaluations of a point on meshes too coarse for the flow to be finite
+_HUGE = 1e6  # relative Newton step from which on the flow cannot be followed
+_CONTRACTS = 0.7  # largest ratio of two steps of a method that converges
+_ROUNDED = 1e-5  # relative step up to which a method that does not contract may still end
+
+# What a call tells: converged, or the meshes are to be moved before it goes on, or why there is no point.
+CONVERGED = 0
+MOVE = 1
+SINGULAR = 2
+ENDLESS = 3
+APART = 4
+LATE = 5
+
+# Where a call goes on: with an evaluation, behind one that was not finite, behind a step; or it only evaluates.
+EVALUATE = 0.0
+_INFINITE = 1.0
+_STEPPED = 2.0
+ONCE = 3.0
+
+# Entries of a method's state: where it goes on, iterations, most of them, the step before, iterations on moved meshes,
+# evaluations that were not finite, whether moved meshes are fine enough; then sign and logarithm of the determinant,
+# size of the step, residual; largest error of a step of the flow.
+STAGE = 0
+ITERATION = 1
+MOST = 2
+PREVIOUS = 3
+MOVED = 4
+TRIED = 5
+FINE = 6
+SIGN = 7
+LOG = 8
+SIZE = 9
+RESIDUAL = 10
+WORST = 11
+NUMBERS = 12
+
+
+@njit(cache=True, error_model="numpy")
+def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, steps):
+    """Correct an orbit in a plane until it has converged, has failed, or its meshes are to be moved; tell which.
+
+    Parameters
+    ----------
+    orbit, mesh, phase, tolerances
+        As `equations` takes them: fields of those records, as tuples.
+    plane : guess, row, scale, each (m + 1,)
+        A point of the plane, its normal, and sizes of the unknowns.
+    numbers : (NUMBERS,)
+        State of the method, by the indices above; written.
+    u, F, J, errors, steps
+        Unknowns (m + 1,), residual (m,), Jacobian (m, m + 1), errors of steps of the flow, and the solutions of
+        `bordered`, (m + 1, 2); written.
+    """
+    orbit, mesh, phase = Orbit(*orbit), Mesh(*mesh), Phase(*phase)
+    guess, row, scale = plane
+    if numbers[STAGE] == ONCE:
+        numbers[WORST] = equations(orbit, mesh, phase, tolerances, u, F, J, errors)
+        return CONVERGED
+    solves = False
+    if numbers[STAGE] == _INFINITE:
+        if numbers[FINE] == 0.0:
+            numbers[TRIED] += 1.0
+        else:
+            solves = True
+    elif numbers[STAGE] == _STEPPED:
+        told = _judged(numbers)
+        if told != MOVE:
+            return told
+    while True:
+        if not solves:
+            numbers[ITERATION] += 1.0
+            if numbers[ITERATION] > numbers[MOST] + REMESHED:
+                return LATE
+            numbers[WORST] = equations(orbit, mesh, phase, tolerances, u, F, J, errors)
+            if numbers[TRIED] < _UNSTABLE and not numbers[WORST] <= FINEST and not _finite(J):
+                numbers[STAGE] = _INFINITE
+                return MOVE
+        solves = False
+        solutions, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
+        if sign == 0.0 or not math.isfinite(log):
+            return SINGULAR
+        if not size < _HUGE:
+            return ENDLESS
+        steps[:] = solutions
+        for j in range(u.size):
+            u[j] += solutions[j, 0]
+        numbers[SIGN], numbers[LOG], numbers[SIZE], numbers[RESIDUAL] = sign, log, size, residual
+        numbers[STAGE], numbers[FINE] = _STEPPED, 1.0
+        if not numbers[WORST] <= FINEST:
+            return MOVE
+        told = _judged(numbers)
+        if told != MOVE:
+            return told
+
+
+@njit(**INNER)
+def _finite(J):
+    for i in range(J.shape[0]):
+        for j in range(J.shape[1]):
+            if not math.isfinite(J[i, j]):
+                return False
+    return True
+
+
+@njit(**INNER)
+def _judged(numbers):
+    """Return what is told behind a step; MOVE where the method goes on."""
+    size = numbers[SIZE]
+    if numbers[FINE] != 0.0 and size < STEP_ACCEPTED:
+        return CONVERGED
+    if size > _CONTRACTS * numbers[PREVIOUS] and size > _ROUNDED:
+        return APART
+    numbers[MOVED] += 1.0 if size < STEP_ACCEPTED else 0.0
+    if numbers[ITERATION] - numbers[MOVED] >= numbers[MOST]:
+        return LATE
+    numbers[PREVIOUS], numbers[STAGE] = size, EVALUATE
+    return MOVE
+
+
+def evaluation():
+    """Return the state of a method that only evaluates."""
+    numbers = np.zeros(NUMBERS)
+    numbers[STAGE] = ONCE
+    return numbers
+
+
+def beginning(most):
+    """Return the state of a method of that many iterations before the first one."""
+    numbers = np.zeros(NUMBERS)
+    numbers[MOST], numbers[PREVIOUS] = most, np.inf
+    return numbers
