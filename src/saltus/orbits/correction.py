@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.orbits.records import MOVE, SINGULAR
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -53,10 +55,10 @@ def corrected(
     kernels, m = problem.newton, problem.size
     u, F, J, steps = guess.copy(), np.empty(m), np.empty((m, m + 1)), np.empty((m + 1, 2))
     numbers = kernels.beginning(most)
-    while (told := problem.correct((guess, row, scale), numbers, (u, F, J, steps))) == kernels.MOVE:
+    while (told := problem.correct((guess, row, scale), numbers, (u, F, J, steps))) == MOVE:
         numbers[kernels.FINE] = problem.refine()
         if problem.crowded:
-            told = kernels.SINGULAR
+            told = SINGULAR
             break
     _, iterations, *_, sign, log, _, residual, _ = numbers.tolist()
     return Corrected(told, u, J, steps[:, 1], sign, log, residual, int(iterations))

@@ -74,7 +74,7 @@ def multipliers(
         return _of_pieces(problem, u, J, flows)
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
-    closing, autonomous = problem.kinds[0], problem.system.phase is None
+    closing, autonomous = problem.signature.kinds[0], problem.system.phase is None
     flow = np.zeros(n)
     if autonomous or closing != PHASE_END:
         mode, x = int(problem.modes[0]), np.ascontiguousarray(u[:n])

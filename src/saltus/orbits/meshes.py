@@ -144,4 +144,3 @@ def steady(mesh: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
     parts = np.ceil(decay * 6.0 * middles * (1.0 - middles) * np.diff(mesh) / _STEADY).clip(1, _MOST_PARTS).astype(int)
     ends = np.concatenate([[0], np.cumsum(parts)])
     return np.interp(np.arange(ends[-1] + 1), ends, mesh)
-

@@ -11,8 +11,8 @@ import numpy as np
 from saltus.errors import ConvergenceError
 from saltus.orbits.meshes import FEW, adapted, decays, implicit_steps, joined, stabilised
 from saltus.orbits.plane import normal_across
-from saltus.orbits.records import Orbit, events_of
-from saltus.orbits.resting import at_rest, nearest_to_zero, sizes_nearby
+from saltus.orbits.records import Orbit, events_of, room_for
+from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 
 if TYPE_CHECKING:
@@ -61,13 +61,14 @@ class OrbitProblem:
             mesh as mesh_kernels,
             newton as newton_kernels,
             pencil as pencil_kernels,
+            sizes as size_kernels,
             survey as survey_kernels,
         )
 
         self.signature.check(self.system)
         self.equations, self.pencils = equation_kernels, pencil_kernels
         self._meshes, self._surveys, self._curves = mesh_kernels, survey_kernels, curve_kernels
-        self.newton = newton_kernels
+        self.newton, self._sizes = newton_kernels, size_kernels
         compiled = self.system.compiled
         self.n = compiled.n
         self.segments = len(self.signature)
@@ -182,12 +183,12 @@ class OrbitProblem:
 
     def kept(self) -> dict[str, Any]:
         """Return the meshes and sizes, for `take`."""
-        return {name: _copied(getattr(self, name)) for name in _DISCRETISATION}
+        return {name: _apart(getattr(self, name)) for name in _DISCRETISATION}
 
     def take(self, kept: Mapping[str, Any]) -> None:
         """Take meshes and sizes that were kept."""
         for name, value in kept.items():
-            setattr(self, name, _copied(value))
+            setattr(self, name, _apart(value))
         self._errors = np.zeros(self.mesh[0].size)
 
     @property
@@ -258,18 +259,11 @@ class OrbitProblem:
 
     def rescale(self, survey: Survey) -> None:
         """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""
-        sizes = np.maximum(np.abs(survey.lows), np.abs(survey.highs))[: len(self.system.states)]
-        if np.all(np.isfinite(sizes)):
-            known = np.maximum(np.maximum(sizes, 0.01 * self._largest), self._least[: sizes.size])
-            top = max(float(known.max()), 1e-300)
-            # a state at rest has no size of its own, and is given one for good
-            resting = at_rest(known, self._moves)
-            known[resting] = top
-            self._largest[resting] = 100.0 * top
-            self.state_scale[: sizes.size] = known
-            self._nearest = nearest_to_zero(self, survey)
+        states = self._least, self._moves, self._largest, self.state_scale
+        finite, near = self._sizes.resized(survey.lows, survey.highs, (RESTING, NEAR_ZERO), *states)
+        if finite:
+            self._nearest = nearest_to_zero(self, survey) if near else 1.0
             self._set_absolute_tolerance()
-            self._largest = np.maximum(self._largest, sizes)
 
     def _use(self, places: NDArray[np.float64], starts: NDArray[np.int64]) -> None:
         self.mesh = (places, starts) if self.stiff else stabilised(places, starts, self._decays)
@@ -317,9 +311,7 @@ class OrbitProblem:
         return self.stiff
 
     def _move(self, limit: float) -> bool:
-        fine, changed, *mesh = self._meshes.moved(
-            *self.mesh, self._errors, limit, self._worst, FEW * self.segments
-        )
+        fine, changed, *mesh = self._meshes.moved(*self.mesh, self._errors, limit, self._worst, FEW * self.segments)
         if changed:
             self._use(*mesh)
         return bool(fine)
@@ -420,14 +412,8 @@ class OrbitProblem:
 
     def survey(self, u: NDArray[np.float64]) -> Survey:
         """Return what a dense look at the orbit `u` shows."""
-        self.set_parameters(u)
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
-        lows, highs, moments = np.empty(quantities), np.empty(quantities), np.empty((quantities, 3))
-        margins, places = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
-        ahead, behind = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
-        unmet = np.empty((self.segments, transitions))
-        counts, rates = np.empty((self.segments, transitions), dtype=np.int64), np.zeros((self.segments, 4))
-        found = lows, highs, margins, places, rates, ahead, behind, unmet, counts, np.empty(self.n), moments
+        found = room_for(self.n, quantities, self.segments, transitions)
         faults = self._surveys.survey(
             self.record, self._events, self.mesh, self._curve(), (self.tol, self._atol), self.state_scale, u, found
         )
@@ -450,7 +436,7 @@ class OrbitProblem:
         return x
 
 
-def _copied(value: Any) -> Any:
+def _apart(value: Any) -> Any:
     return value.copy() if isinstance(value, np.ndarray) else value
 
 

@@ -6,7 +6,7 @@ named tuples; the compiled functions name the fields again.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,27 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem, Transition
 
-__all__ = ["Dense", "Events", "Found", "Mesh", "Observed", "Orbit", "Phase", "Seen", "changes_nothing", "events_of"]
+__all__ = [
+    "Dense",
+    "Events",
+    "Found",
+    "Mesh",
+    "Observed",
+    "Orbit",
+    "Phase",
+    "Seen",
+    "changes_nothing",
+    "events_of",
+    "room_for",
+]
+
+# What a call of Newton's method tells: converged, or meshes are to be moved before it goes on, or why there is no point.
+CONVERGED = 0
+MOVE = 1
+SINGULAR = 2  # the equations have no one solution
+ENDLESS = 3  # the step is far too long: the flow cannot be followed
+APART = 4  # steps do not shrink
+LATE = 5  # too many iterations
 
 
 class Orbit(NamedTuple):
@@ -200,3 +220,13 @@ def changes_nothing(transition: Transition) -> bool:
 def _moves(transition: Transition) -> bool:
     """Return whether the reset of a transition changes a state."""
     return any(value != state for state, value in transition.reset.items())
+
+
+def room_for(n: int, quantities: int, segments: int, transitions: int) -> tuple[Any, ...]:
+    """Return the fields of `Found`, for a survey of that many states, quantities, segments and transitions."""
+    shape = segments, transitions
+    margins, places, distances, behind, unmet = (np.empty(shape) for _ in range(5))
+    counts = np.empty(shape, dtype=np.int64)
+    lows, highs = np.empty(quantities), np.empty(quantities)
+    rates, moments = np.zeros((segments, 4)), np.empty((quantities, 3))
+    return lows, highs, margins, places, rates, distances, behind, unmet, counts, np.empty(n), moments

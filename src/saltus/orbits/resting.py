@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
     from saltus.system import HybridSystem
 
-__all__ = ["RESTING", "at_rest", "nearest_to_zero", "sizes_nearby"]
+__all__ = ["NEAR_ZERO", "RESTING", "at_rest", "nearest_to_zero", "sizes_nearby"]
 
 RESTING = 1e-9  # size of a state, over the largest one's, below which it rests at zero unless another one moves it
 _NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
-_NEAR_ZERO = 1e-3  # least modulus of a state that keeps its sign, over its largest one, from which nothing is asked
+NEAR_ZERO = 1e-3  # least modulus of a state that keeps its sign, over its largest one, from which nothing is asked
 _NEAREST = 1e-12  # the least that is asked for
 _NOTHING = 1e-13  # size of an orbit above which it is no rounding of 0
 
@@ -57,11 +57,9 @@ def at_rest(sizes: NDArray[np.float64], moves: NDArray[np.bool_]) -> NDArray[np.
     >>> at_rest(np.array([1.0, 1.0, 1e-30, 0.0]), oscillators).tolist()
     [False, False, True, True]
     """
-    resting = np.zeros(len(moves), dtype=bool)
-    resting[: sizes.size] = sizes < RESTING * float(sizes.max())
-    while np.any(pushed := resting & np.any(moves[:, ~resting], axis=1)):
-        resting &= ~pushed
-    return resting[: sizes.size]
+    from saltus.orbits.kernels import sizes as kernels
+
+    return np.asarray(kernels.resting(sizes, moves, RESTING) != 0)
 
 
 def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
@@ -105,7 +103,7 @@ def nearest_to_zero(problem: Equations, survey: Survey) -> float:
     lows, highs = survey.lows[:count], survey.highs[:count]
     ends = np.abs(np.stack([lows, highs]))
     shares = ends.min(axis=0) / np.maximum(ends.max(axis=0), 1e-300)
-    near = (np.sign(lows) * np.sign(highs) > 0.0) & (shares < _NEAR_ZERO)
+    near = (np.sign(lows) * np.sign(highs) > 0.0) & (shares < NEAR_ZERO)
     x, slope = np.zeros(problem.n), np.empty(problem.n)
     pushed = near.copy()
     while np.any(near) and np.any(pushed):

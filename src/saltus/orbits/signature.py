@@ -224,7 +224,8 @@ class Survey:
 
     def __post_init__(self) -> None:
         undefined = np.isnan(self.moments[:, 0])
-        self.lows[undefined] = self.highs[undefined] = math.nan
+        if undefined.any():
+            self.lows[undefined] = self.highs[undefined] = math.nan
 
     @property
     def means(self) -> NDArray[np.float64]:

@@ -18,14 +18,20 @@ if TYPE_CHECKING:
     Line = tuple[NDArray[np.float64], NDArray[np.float64]] | NDArray[np.float64]  # a point and its tangent
     Share = float | NDArray[np.float64]  # of one step, or of many
 
-__all__ = ["APART", "ENDLESS", "LATE", "SAME", "SINGULAR", "Event", "Examined", "Point", "ZeroProblem", "correct", "cubic", "hermite", "start_point"]
+__all__ = [
+    "SAME",
+    "Event",
+    "Examined",
+    "Point",
+    "Unsolved",
+    "ZeroProblem",
+    "correct",
+    "cubic",
+    "hermite",
+    "start_point",
+]
 
 SAME = 1e-6  # distance in arclength up to which two points of a curve are the same
-# Why Newton's method finds no point.
-SINGULAR = "Newton: the equations are singular there"
-ENDLESS = "Newton: the flow cannot be followed there"
-APART = "Newton: no contraction"
-LATE = "Newton: too many iterations"
 _STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
 _REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
 _RESTS = 1e-9  # parameter's component of a tangent, over the largest, up to which it is rounding
@@ -33,10 +39,20 @@ _REGULAR = 1e-10  # least diagonal entry of a triangle, over the largest, from w
 _UNSTABLE = 2  # most evaluations of a point on meshes too coarse for the flow to be finite
 
 
+class Unsolved:
+    """Why Newton's method finds no point."""
+
+    SINGULAR = "Newton: the equations are singular there"
+    ENDLESS = "Newton: the flow cannot be followed there"
+    APART = "Newton: no contraction"
+    LATE = "Newton: too many iterations"
+
+
 class ZeroProblem(Protocol):
     """F(u) = 0 with one unknown more than equations; the last unknown is the parameter.
 
-    Monitor functions have names that are hashable and have a text.
+    Monitor functions have names that are hashable and have a text. A problem may have a method ``corrected`` besides,
+    with the arguments of `correct`: what that returns in compiled code, or None where there is no such code.
 
     Attributes
     ----------
@@ -157,20 +173,20 @@ def correct(
             continue
         steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
         if sign == 0.0 or not math.isfinite(log):
-            return SINGULAR
+            return Unsolved.SINGULAR
         if not size < 1e6:
-            return ENDLESS
+            return Unsolved.ENDLESS
         u = u + steps[:, 0]
         if problem.accurate() and size < _STEP_ACCEPTED:
             direction = steps[:, 1] / math.sqrt(float(weights @ steps[:, 1] ** 2))
             return Point(u, J, direction, weights, sign, log, residual, iteration)
         if size > 0.7 * previous and size > 1e-5:
-            return APART
+            return Unsolved.APART
         remeshed += size < _STEP_ACCEPTED
         if iteration - remeshed >= iterations:
             break
         previous = size
-    return LATE
+    return Unsolved.LATE
 
 
 def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float = 1.0) -> Point:

@@ -15,7 +15,7 @@ import numpy as np
 
 from saltus.continuation.core.arclength import RESTS, ROUNDED
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
-from saltus.continuation.core.zero_problem import APART, ENDLESS, LATE, SINGULAR, Event, Examined, Point
+from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
@@ -23,6 +23,7 @@ from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.problems.watching import Watched
+from saltus.orbits import records
 from saltus.orbits.correction import corrected
 from saltus.orbits.floquet import (
     Passage,
@@ -51,8 +52,13 @@ _SN = Monitor("SN")  # parameter's component of the tangent
 _PD = Monitor("PD")  # determinant of a multiplier -1
 _BP = Monitor("BP")  # determinant of the bordered Jacobian
 
-# why there is no point, by what `saltus.orbits.kernels.newton` tells
-_UNSOLVED = {2: SINGULAR, 3: ENDLESS, 4: APART, 5: LATE}
+# why there is no point, by what Newton's method tells
+_UNSOLVED = {
+    records.SINGULAR: Unsolved.SINGULAR,
+    records.ENDLESS: Unsolved.ENDLESS,
+    records.APART: Unsolved.APART,
+    records.LATE: Unsolved.LATE,
+}
 CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
@@ -144,11 +150,11 @@ class OrbitZeroProblem:
     def _adjust(self, u: NDArray[np.float64]) -> None:
         """Take typical sizes from an orbit."""
         problem = self.problem
-        period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
-        self._block = np.append(1.0 / problem.state_scale**2, 0.0)
-        self._scale = np.ones(problem.size + self.further + 1)
+        self._block, self._scale = np.zeros(self.n + 1), np.ones(problem.size + self.further + 1)
+        self._block[:-1] = 1.0 / problem.state_scale**2
         table = self._scale[: problem.size].reshape(problem.segments, self.n + 1)
-        table[:, : self.n], table[:, self.n] = problem.state_scale, period
+        table[:, : self.n] = problem.state_scale
+        table[:, self.n] = np.abs(u[self.n : problem.size : self.n + 1]).sum()
 
     def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
         """Return a determinant over its first size and over the factor of the phase condition."""
@@ -184,11 +190,11 @@ class OrbitZeroProblem:
         weights: NDArray[np.float64],
         iterations: int,
     ) -> Point | str | None:
-        """Return what `correct` does, by one compiled call for each mesh; None where there is none for the equations."""
+        """Return what `correct` does, by one compiled call for each mesh; None for a stiff flow."""
         found = corrected(self.problem, guess, weights * tangent, self._scale, iterations)
         if found is None:
             return None
-        if found.told != self.problem.newton.CONVERGED:
+        if found.told != records.CONVERGED:
             return _UNSOLVED[found.told]
         direction = found.direction / math.sqrt(float(weights @ found.direction**2))
         return Point(

@@ -9,7 +9,7 @@ import numpy as np
 from numba import int64
 
 from saltus.flow.kernels.segment import EVENT_P, EVENT_X, FIELD, VARY, Segment, Sensitive, flow
-from saltus.orbits.records import Mesh, Orbit, Phase
+from saltus.orbits.records import Mesh, Orbit
 from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.orbits.kernels.equation import equations
 from saltus.orbits.kernels.mesh import FINEST
-from saltus.orbits.records import Mesh, Orbit, Phase
+from saltus.orbits.records import APART, CONVERGED, ENDLESS, LATE, MOVE, SINGULAR, Mesh, Orbit, Phase
 from saltus.system.numba_tools.linear import bordered
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
 REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
@@ -19,14 +23,6 @@ _UNSTABLE = 2  # most evaluations of a point on meshes too coarse for the flow t
 _HUGE = 1e6  # relative Newton step from which on the flow cannot be followed
 _CONTRACTS = 0.7  # largest ratio of two steps of a method that converges
 _ROUNDED = 1e-5  # relative step up to which a method that does not contract may still end
-
-# What a call tells: converged, or the meshes are to be moved before it goes on, or why there is no point.
-CONVERGED = 0
-MOVE = 1
-SINGULAR = 2
-ENDLESS = 3
-APART = 4
-LATE = 5
 
 # Where a call goes on: with an evaluation, behind one that was not finite, behind a step; or it only evaluates.
 EVALUATE = 0.0
@@ -134,14 +130,14 @@ def _judged(numbers):
     return MOVE
 
 
-def evaluation():
+def evaluation() -> NDArray[np.float64]:
     """Return the state of a method that only evaluates."""
     numbers = np.zeros(NUMBERS)
     numbers[STAGE] = ONCE
     return numbers
 
 
-def beginning(most):
+def beginning(most: int) -> NDArray[np.float64]:
     """Return the state of a method of that many iterations before the first one."""
     numbers = np.zeros(NUMBERS)
     numbers[MOST], numbers[PREVIOUS] = most, np.inf

@@ -130,11 +130,12 @@ def swells_for_ever(points: list[Row]) -> str | None:
     A state's range is many times that of the first point, or the state is as far away from there. Beyond, the flow's
     tolerance moves the parameter by more than the branch does.
     """
-    lows, highs = _extents([points[0], points[-1]])
-    ranges, reaches = highs - lows, _reaches(lows, highs)
-    if np.any(ranges[1] > _ENDLESS * ranges[0]) or np.any(reaches[1] > _ENDLESS * _size(lows, highs)):
-        return swells_at_last(points)
-    return None
+    n = len(points[-1][0].problem.system.states)
+    first, last = points[0][1].examined.data.survey, points[-1][1].examined.data.survey
+    low, high = np.minimum(first.lows[:n], last.lows[:n]), np.maximum(first.highs[:n], last.highs[:n])
+    wide = last.highs[:n] - last.lows[:n] > _ENDLESS * (first.highs[:n] - first.lows[:n])
+    away = high - low > _ENDLESS * _size(first.lows[None, :n], first.highs[None, :n])
+    return swells_at_last(points) if wide.any() or away.any() else None
 
 
 def _extents(points: list[Row]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -198,6 +199,8 @@ def _only_the_period_grows(points: list[Row]) -> bool:
     Steps along such a branch follow rounding: they may turn round, and trace it back.
     """
     branch, last = points[-1]
+    if len(points) < 2 or abs(points[-2][1].parameter - last.parameter) > _STILL:
+        return False
     period, ranges = period_of(branch, last), _ranges(branch, last)
     for piece, point in reversed(points[:-1]):
         if abs(point.parameter - last.parameter) > _STILL:
