@@ -33,7 +33,7 @@ __all__ = [
     "room_for",
 ]
 
-# What a call of Newton's method tells: converged, or meshes are to be moved before it goes on, or why there is no point.
+# What Newton's method tells: converged, or meshes are to be moved before it goes on, or why there is no point.
 CONVERGED = 0
 MOVE = 1
 SINGULAR = 2  # the equations have no one solution
