@@ -59,7 +59,7 @@ def piece_maps(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.floa
     J : ndarray, shape (size, size) or wider
         Their Jacobian.
     """
-    n, wide, scale = problem.n, problem.n + 1, problem.state_scale
+    n, wide, scale = problem.n, problem.n + 1, problem.common_scale
     maps = np.stack([J[i * wide : i * wide + n, i * wide : i * wide + n] for i in range(problem.segments)])
     if problem.segments == 1:
         maps = maps + np.eye(n)  # the start of the next period is that of this one
@@ -82,7 +82,7 @@ def stretched(problem: OrbitProblem, J: NDArray[np.float64]) -> bool:
     """Return whether a smooth orbit has a piece over which sensitivities grow so far that it is to be cut."""
     if problem.signature.kinds[0] not in (PHASE_END, CLOSED_END) or problem.segments >= MOST_PIECES:
         return False
-    scale, entries = problem.state_scale, np.abs(J[:, : problem.size])
+    scale, entries = problem.common_scale, np.abs(J[:, : problem.size])
     if (float(entries.max()) + 1.0) * float(scale.max()) <= STRETCHED * float(scale.min()):
         return False
     return float(_growth(problem, J).max()) > STRETCHED

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 __all__ = ["FEW", "adapted", "decays", "implicit_steps", "joined", "stabilised", "steady"]
 
 FEW = 500  # explicit steps of a segment up to which implicit ones are not tried
-_FEW_STEPS = 1 << 12  # of a mesh that is tried before there is room for as many as may be
+_FEW_STEPS = 1 << 12  # of a mesh that is tried before there is room for more
+_LONGER = 8  # factor on the room for a mesh that had too little
 _STEADY = 3.0  # longest step, times the rate of the fastest decay, in which decayed states stay small
 _MOST_PARTS = 100_000  # parts of a step at most; a faster decay is left to the errors of steps
 _SLOW = 30.0  # decay over a segment up to which no mesh is too coarse for it
@@ -36,7 +37,8 @@ def adapted(
     """Return each segment's mesh, its steps as long as the tolerances allow; a segment that cannot be followed.
 
     With the meshes comes whether they are those of implicit steps, which a stiff flow is followed by. They are tried
-    where explicit ones are many, and taken where they cost less time.
+    where explicit ones are many, and taken where they cost less time. Both have room for steps of the same time, more
+    and more of it, until one of them is through: where explicit steps follow fast oscillations, the other is soon over.
 
     Parameters
     ----------
@@ -65,22 +67,30 @@ def adapted(
             meshes.append(mesh[: count + 1].copy())
         return meshes
 
-    def longest(meshes: list[NDArray[np.float64]]) -> int:
-        return max(map(len, meshes))
+    def may() -> bool:
+        starts = [np.ascontiguousarray(block[:-1]) for block in blocks]
+        return all(may_be_implicit(compiled, int(mode), x, p, states) for mode, x in zip(modes, starts, strict=True))
 
-    few = 0 if implicit else made(segment_kernels.adapt, _FEW_STEPS)
-    if not isinstance(few, int) and longest(few) <= FEW:
-        return few, False
-    starts = [np.ascontiguousarray(block[:-1]) for block in blocks]
-    may = all(may_be_implicit(compiled, int(mode), x, p, states) for mode, x in zip(modes, starts, strict=True))
-    stiff = made(implicit_kernels.adapt, _FEW_STEPS) if may else 0
-    if implicit and not isinstance(stiff, int):
-        return stiff, True
     most = segment_kernels.MOST_STEPS
-    room = most if isinstance(stiff, int) else min(most, int(worth(compiled.n) * longest(stiff)))
-    explicit = made(segment_kernels.adapt, room) if isinstance(few, int) else few
-    if not isinstance(stiff, int) and (isinstance(explicit, int) or longest(explicit) > room):
-        return stiff, True
+    if implicit:
+        stiff = made(implicit_kernels.adapt, _FEW_STEPS) if may() else 0
+        if not isinstance(stiff, int):
+            return stiff, True
+        explicit = made(segment_kernels.adapt, most)
+        return explicit if isinstance(explicit, int) else (explicit, False)
+    room, dearer = _FEW_STEPS, worth(compiled.n)
+    while True:
+        explicit = made(segment_kernels.adapt, room)
+        count = room if isinstance(explicit, int) else max(map(len, explicit))
+        if not isinstance(explicit, int) and count <= FEW:
+            break
+        few = _FEW_STEPS if isinstance(explicit, int) and room == most else min(int(count / dearer), _FEW_STEPS)
+        stiff = made(implicit_kernels.adapt, few) if few and may() else 0
+        if not isinstance(stiff, int):
+            return stiff, True
+        if not isinstance(explicit, int) or room == most:
+            break
+        room = min(_LONGER * room, most)
     return explicit if isinstance(explicit, int) else (explicit, False)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import ConvergenceError
+from saltus.orbits.common_sizes import common_sizes, surface_rows
 from saltus.orbits.meshes import FEW, adapted, decays, implicit_steps, joined, stabilised
 from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
@@ -91,6 +92,7 @@ class OrbitProblem:
         self._atol = self.tol
         self._nearest = 1.0
         self._worst = 0.0
+        self._surface_rows = np.zeros((2, 0, len(self.system.states)))
         self.stiff, self._looked = False, 0
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
@@ -147,6 +149,7 @@ class OrbitProblem:
         self.state_scale[at_rest(self.state_scale, self._moves)] = self.state_scale.max()
         if self.system.phase is not None:
             self.state_scale[-1] = 2.0 * math.pi
+        self._surface_rows = surface_rows(self.system, self.modes, blocks, self.extended, self.state_scale)
         self._set_absolute_tolerance()
         self._decays = decays(self.system.compiled, self.modes, blocks, self.extended)
         self.stiff = False
@@ -158,6 +161,11 @@ class OrbitProblem:
         self.fix_phase(u, survey)
         nearby = None if self.slides else sizes_nearby(self, u, survey)
         return None if nearby is None else self.start(u, nearby)
+
+    @property
+    def common_scale(self) -> NDArray[np.float64]:
+        """Sizes of the states, shape (n,), raised to those that they share where they meet surfaces together."""
+        return common_sizes(self._surface_rows, self.state_scale)
 
     def _set_absolute_tolerance(self) -> None:
         """Take the absolute tolerance from the states' sizes, next to equilibria above the field's rounding.
@@ -356,15 +364,7 @@ class OrbitProblem:
         return F, J
 
     def second(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivative of the Jacobian times `v`, shape (size, size + active).
-
-        Parameters
-        ----------
-        u : ndarray, shape (size + active,)
-            The orbit, on whose meshes the flow runs.
-        v : ndarray, shape (size + active,)
-            A direction.
-        """
+        """Return the derivative of the Jacobian at the orbit `u` times a direction `v`, shape (size, size + active)."""
         from saltus.orbits.kernels import second as second_kernels
 
         if self.stiff or self.system.compiled.rooted[self.modes].any():

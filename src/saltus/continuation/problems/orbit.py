@@ -151,7 +151,7 @@ class OrbitZeroProblem:
         """Take typical sizes from an orbit."""
         problem = self.problem
         self._block, self._scale = np.zeros(self.n + 1), np.ones(problem.size + self.further + 1)
-        self._block[:-1] = 1.0 / problem.state_scale**2
+        self._block[:-1] = 1.0 / problem.common_scale**2
         table = self._scale[: problem.size].reshape(problem.segments, self.n + 1)
         table[:, : self.n] = problem.state_scale
         table[:, self.n] = np.abs(u[self.n : problem.size : self.n + 1]).sum()

@@ -141,7 +141,7 @@ class LocusZeroProblem:
     def _adjust(self, u: NDArray[np.float64]) -> None:
         problem = self.problem
         period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
-        self._block = np.append(1.0 / problem.state_scale**2, 0.0)
+        self._block = np.append(1.0 / problem.common_scale**2, 0.0)
         tail = np.ones(self.condition.extra + 2)
         self._scale = np.append(np.tile(np.append(problem.state_scale, period), problem.segments), tail)
 

@@ -1,0 +1,104 @@
+"""Sizes that states share where they meet the surfaces of events together.
+
+The modes of a beam move its tip together. A fast mode whose share is small turns many times where the others hardly
+change. Steps along a branch, and the growth of sensitivities, are measured by what states do to the tip.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem
+
+__all__ = ["common_sizes", "surface_rows"]
+
+_AFFINE = 1e-12  # change of a gradient, over its largest entry, that is rounding
+_MOST = 1e3  # largest common size of a state, over its own
+_ELSEWHERE = (0.3, -0.7)  # how far from a state gradients are looked at, in the states' sizes
+
+
+def surface_rows(
+    system: HybridSystem, modes: NDArray[np.int64], blocks: NDArray[np.float64], p: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+) -> NDArray[np.float64]:  # fmt: skip
+    """Return gradients of event functions that are affine in the states, then of such Lie derivatives of them.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        The system.
+    modes : ndarray of int64, shape (segments,)
+        Where the segments run.
+    blocks : ndarray, shape (segments, n + 1)
+        State at each one's start, and its duration.
+    p : ndarray
+        Extended parameters.
+    sizes : ndarray, shape (n,)
+        Sizes of the states.
+
+    Returns
+    -------
+    ndarray, shape (2, rows, states)
+        Rows of zeros where a function is not affine; no rows where no function has several states.
+    """
+    n, count = blocks.shape[1] - 1, len(system.states)
+    rows: list[list[NDArray[np.float64]]] = [[], []]
+    known = {system.mode_names[mode]: block[:n] for mode, block in zip(modes.tolist(), blocks, strict=True)}
+    for k, transition in enumerate(system.transitions):
+        if transition.source not in known:
+            continue
+        gradients_at = np.empty((1 + len(_ELSEWHERE), 2 + 2 * n))
+        for out, share in zip(gradients_at, (0.0, *_ELSEWHERE), strict=True):
+            x = known[transition.source].copy()
+            x[:count] += share * sizes[:count]
+            system.compiled.call("event_x", k, 0, x, p, out)
+        for order in range(2):
+            gradients = gradients_at[:, 2 + order * n : 2 + order * n + count]
+            changes = np.abs(gradients - gradients[0])
+            affine = bool(np.all(changes <= _AFFINE * np.abs(gradients[0]).max(initial=0.0)))
+            rows[order].append(gradients[0] if affine else np.zeros(count))
+    found = np.array(rows).reshape(2, -1, count)
+    together = bool(np.any(np.count_nonzero(found, axis=2) > 1))
+    return found if together else found[:, :0]
+
+
+def common_sizes(rows: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sizes at which states change event functions as much as the largest of them does.
+
+    A state that no event function has is measured by the rates of these functions. None is smaller than its own size,
+    or larger than 1000 times that.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (2, rows, states)
+        Gradients of event functions and of their rates.
+    sizes : ndarray, shape (n,)
+        Sizes of the states, and that of the phase.
+
+    Examples
+    --------
+    The second mode of a tip, with displacements and velocities:
+
+    >>> tip = np.array([[[1.0, 1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0, 1.0]]])
+    >>> common_sizes(tip, np.array([1.0, 0.01, 0.8, 0.4])).tolist()
+    [1.0, 1.0, 0.8, 0.8]
+    """
+    common, count = sizes.copy(), rows.shape[2]
+    if not rows.size:
+        return common
+    free = np.ones(count, dtype=bool)  # states that no function so far has
+    for gradients in np.abs(rows):
+        shares = gradients * sizes[:count]
+        tops = shares.max(axis=1, initial=0.0)[:, None]
+        entering = shares > 0.0
+        reach = np.divide(tops, gradients, out=np.full_like(shares, np.inf), where=entering)
+        least = np.minimum(reach.min(axis=0, initial=np.inf), _MOST * sizes[:count])
+        found = free & entering.any(axis=0)
+        common[:count][found] = np.maximum(sizes[:count], least)[found]
+        free &= ~entering.any(axis=0)
+    return common
