@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-    Solver = Callable[
-        [OrbitProblem, NDArray[np.float64], UnfoldedEquations | None], tuple[NDArray[np.float64], NDArray[np.float64]]
-    ]
+    Solver = Callable[..., tuple[NDArray[np.float64], NDArray[np.float64]]]  # `saltus.orbits.solve.solve_unknowns`
 
 __all__ = ["UNFORCED", "Wish", "check_family", "read_fix", "solve_fixed", "unfolded_at", "within_family"]
 
@@ -39,8 +37,10 @@ _VARIES = 0.1  # range of a state or output along a guess, over its size, above 
 _AT_GIVEN = 1e-8  # change of a freed parameter, in its unit, up to which it has kept its value
 _FIRST = 0.25  # first step, over the way from the guess's value to the wanted one
 _LEAST = 1e-2  # least step that is tried, over the first one
-_GROWTH = 1.7  # factor on the step after a success
+_GROWTH = 1.7  # factor on the step after two successes
+_BRISK = 8, 0.2  # Newton steps to an orbit on that way, at most, and the least factor on one: a shorter way costs less
 _NEAR = 0.3  # largest change of an orbit's states and durations, over their sizes, from one to the next on that way
+_LONG = 1.5  # factor on the period on that way from which on it is told
 _MOST = 200  # orbits on that way, at most
 _MANY = "the orbits there are a family of more than one dimension, as with a symmetry"
 
@@ -183,12 +183,20 @@ def solve_fixed(
         reached, finer, u, J = _approach(equations, start, wish, solve)
         if reached == wanted:
             return finer, u, J
-        why = f"orbits next to the guess have {quantity.name} up to {reached:.6g}"
+        side = "up" if quantity.beyond(wanted, begin) > 0.0 else "down"
+        why = f"orbits next to the guess have {quantity.name} {side} to {reached:.6g}"
+        periods = _period(equations.problem, guess), _period(finer.problem, u)
+        if quantity.kind != "period" and periods[1] > _LONG * periods[0]:
+            why += f", where the period has grown from {periods[0]:.6g} to {periods[1]:.6g}, as next to a saddle"
     elif found is not None:  # a guess from which no way begins is as rough as one at fixed parameters may be
         _follow(equations.problem, found[0])
         return equations, *solve(equations.problem, found[0], equations)
     why = _diagnosis(equations, guess, wish, solve) or why
     raise ConvergenceError(f"orbit with {quantity.name} = {wanted:.6g}", residual, iterations, why)
+
+
+def _period(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
+    return float(u[problem.n : problem.size : problem.n + 1].sum())
 
 
 class _Look:
@@ -215,7 +223,7 @@ def _approach(
     (u, J), quantity = start, equations.quantity
     at = quantity.value(equations.problem, u)
     share = _FIRST * quantity.beyond(wish.value, at)
-    least, last = _LEAST * abs(share), None
+    least, last, failed = _LEAST * abs(share), None, False
     for _ in range(_MOST):
         left = quantity.beyond(wish.value, at)
         step = left if abs(share) >= abs(left) else share
@@ -223,16 +231,17 @@ def _approach(
         equations.value = wish.value if step == left else at + step
         look = _Look(equations.problem, u)
         try:
-            found, slopes = solve(equations.problem, ahead, equations)
+            found, slopes = solve(equations.problem, ahead, equations, _BRISK)
             near = look.near(found)
         except ConvergenceError:
             near = False
         if near:
-            last, u, J, at, share = (step, u), found, slopes, equations.value, _GROWTH * step
+            last, u, J, at, share = (step, u), found, slopes, equations.value, step * (1.0 if failed else _GROWTH)
+            failed = False
             if step == left:
                 break
             continue
-        share = 0.5 * step
+        share, failed = 0.5 * step, True
         _follow(equations.problem, u)
         if abs(share) < least:
             problem, pieces = cut(equations.problem, u, J[:-1])

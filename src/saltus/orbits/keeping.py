@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.quantities import gradient_of
+from saltus.orbits.gradients import gradient_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

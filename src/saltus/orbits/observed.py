@@ -52,10 +52,11 @@ class Sums:
     durations: NDArray[np.float64]  # shape (segments, 1 + parameters): the durations with their derivatives
     modes: tuple[int, ...]  # the segments' modes
     turns: int  # forcing periods in the period, 1 without a phase
-    # sums, extremes, kinds: as in `saltus.orbits.records.Seen`
+    # sums, extremes, kinds, segments: as in `saltus.orbits.records.Seen`
     sums: NDArray[np.float64]
     extremes: NDArray[np.float64]
     kinds: NDArray[np.int64]
+    segments: NDArray[np.int64]
     # shape (integrals,): whether what is integrated has a corner or jumps within a segment; empty where nothing has
     bent: NDArray[np.bool_]
     rates: Callable[[int], Differentiated]  # returns the mean rate of a transition's event function
@@ -102,9 +103,12 @@ class Plan:
         return tuple((self.formulas[name].text, (*self.formulas[name].symbols, *further)) for name in self.composed)
 
     def observed(
-        self, system: HybridSystem, p: NDArray[np.float64], scale: NDArray[np.float64], advance: float
+        self, system: HybridSystem, p: NDArray[np.float64], scale: NDArray[np.float64], advance: float, first: bool
     ) -> Observed:
-        """Return what kernels look at; scale: sizes of the states; advance: the widest angle of a step, in radians."""
+        """Return what kernels look at.
+
+        scale: sizes of the states; advance: the widest angle of a step, in radians; first: as in `Observed`.
+        """
         highest = max((order for _, order in self.integrals), default=0.0)
         places, weights = _rule(_NODES + math.floor(highest * advance))
         quantities = sorted({what for what, _ in self.integrals})
@@ -119,6 +123,7 @@ class Plan:
             constants,
             cornered,
             system.phase is not None,
+            first,
             np.array(quantities, dtype=np.int64),
             np.array([quantities.index(what) for what, _ in self.integrals], dtype=np.int64),
             np.array([order for _, order in self.integrals]),
@@ -130,7 +135,7 @@ class Plan:
         )
 
     def values(self, found: Sums, p: NDArray[np.float64], chosen: Sequence[int]) -> dict[str, Differentiated]:
-        """Return the observables by name; chosen: indices of the parameters."""
+        """Return the observables by name; chosen: of each column the parameter, -1 for none."""
         known = {text: _part(found, *part) for text, part in self.parts.items()}
         out: dict[str, Differentiated] = {}
         for name in self.names:
@@ -142,7 +147,7 @@ class Plan:
             for k, name in enumerate(self.composed):
                 behind = [*(known[part] for part in self.formulas[name].parts), *period]
                 value, by, own = code.formula(k, np.array([one.value for one in behind]), constants)
-                slopes = own[list(chosen)]
+                slopes = np.append(own, 0.0)[list(chosen)]
                 for share, one in zip(by.tolist(), behind, strict=True):
                     slopes = slopes + (share * one.slopes if share != 0.0 else 0.0)
                 out[name] = Differentiated(value, slopes, next((one.note for one in behind if one.note), ""))

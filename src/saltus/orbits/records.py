@@ -141,6 +141,7 @@ class Observed(NamedTuple):
     # harmonics
     cornered: bool
     phase: bool
+    first: bool  # whether of places that are equally high the first one is the extreme, whatever its derivatives
     quantities: NDArray[np.int64]  # what is integrated over the period
     integrals: NDArray[np.int64]  # shape (integrals,): of each integral an index in `quantities`
     orders: NDArray[np.float64]  # shape (integrals,): orders of harmonics, 0 for a mean
@@ -167,6 +168,7 @@ class Seen(NamedTuple):
     extremes: NDArray[np.float64]  # shape (extremes, 1 + parameters): extremes with their derivatives
     # shape (extremes,): 0, or why derivatives are missing: the extreme is attained at two places, or at a jump
     kinds: NDArray[np.int64]
+    segments: NDArray[np.int64]  # shape (extremes,): the segment in which each extreme is
     bent: NDArray[np.int64]  # shape (expressions,): 1 where an expression has a corner or jumps within a segment
 
 

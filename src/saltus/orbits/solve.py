@@ -39,7 +39,7 @@ __all__ = ["check_fields", "check_tol", "converge", "settle_signature", "solve_o
 
 _ON = 1e-8  # event function, over its variation with the states' sizes, up to which a state lies on the surface
 _ALONG = 1e-4  # part of a gradient across another one, over its length, up to which the two are parallel
-_ITERATIONS = 40  # Newton steps, at most
+_PATIENCE = 40, 1e-3  # Newton steps, at most, and the least factor on one
 _STEP_ACCEPTED = 1e-11  # largest Newton step, over the unknowns' sizes, of a converged orbit
 _STEP_AT_ROUNDING = 1e-6  # the same where the residual is rounding
 _RESIDUAL_ROUNDING = 1e-13  # residual, over the largest state's size, that is rounding
@@ -275,7 +275,10 @@ def check_fields(problem: OrbitProblem) -> None:
 
 
 def solve_unknowns(
-    problem: OrbitProblem, u: NDArray[np.float64], unfolded: UnfoldedEquations | None = None
+    problem: OrbitProblem,
+    u: NDArray[np.float64],
+    unfolded: UnfoldedEquations | None = None,
+    patience: tuple[int, float] = _PATIENCE,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return unknowns and Jacobian of an orbit near `u`, by damped Newton steps.
 
@@ -287,13 +290,15 @@ def solve_unknowns(
         A guess.
     unfolded : UnfoldedEquations, optional
         Equations with a quantity fixed, in place of those of `problem` at fixed parameters.
+    patience : (int, float), optional
+        Newton steps, at most, and the least factor on one.
 
     Raises
     ------
     ConvergenceError
         The steps do not converge.
     """
-    given = u
+    given, (most, least) = u, patience
     u = _within_reach(problem, u)
     if problem.stiff and unfolded is None and (moved := started_elsewhere(problem, u)) is not None:
         u = _within_reach(problem, moved[1])
@@ -306,7 +311,7 @@ def solve_unknowns(
     F, J = evaluate(u)
     size, remeshed = float(np.abs(F).max()), 0
     extent = _extent(problem, u)
-    for iteration in range(_ITERATIONS):
+    for iteration in range(most):
         if unfolded is not None and unfolded.turn_gap(u, J[:-1]):
             F, J = evaluate(u)
         try:
@@ -324,7 +329,7 @@ def solve_unknowns(
             if new <= (1.0 - 0.2 * factor) * size or (length < 1e-6 and new < 1e-6):
                 break
             factor *= 0.5
-            if factor < 1e-3:
+            if factor < least:
                 raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
@@ -353,7 +358,7 @@ def solve_unknowns(
             u = _within_reach(problem, u)
             F, J = evaluate(u)
             size = float(np.abs(F).max())
-    raise ConvergenceError("periodic orbit", size, _ITERATIONS, _why(problem, u, size, extent))
+    raise ConvergenceError("periodic orbit", size, most, _why(problem, u, size, extent))
 
 
 def _extent(problem: OrbitProblem, u: NDArray[np.float64]) -> float:

@@ -22,7 +22,8 @@ import numpy as np
 from saltus import checks
 from saltus.errors import InputError
 from saltus.orbits.critical import scaling
-from saltus.orbits.quantities import Quantity, gradient_of, read_quantity, sizes_of_unknowns
+from saltus.orbits.gradients import gradient_of
+from saltus.orbits.quantities import Quantity, read_quantity, sizes_of_unknowns
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -34,9 +34,9 @@ from saltus.orbits.floquet import (
     passage,
     unstable_count,
 )  # fmt: skip
+from saltus.orbits.gradients import slope_along
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import read_quantity
-from saltus.orbits.sensitivities import slope_along
 from saltus.orbits.signature import CUT_END, Survey
 
 if TYPE_CHECKING:

@@ -55,6 +55,7 @@ class Wanted(NamedTuple):
     n_places: int
     places: object
     scale: object
+    first: bool
 
 
 class Kept(NamedTuple):
@@ -68,6 +69,7 @@ class Kept(NamedTuple):
     noise: object
     extremes: object
     kinds: object
+    segments: object
 
 
 class Peak(NamedTuple):
@@ -87,6 +89,8 @@ class Peak(NamedTuple):
         Largest slope by each parameter along the orbit, (columns,).
     low, high : pointer
         Scratch: value, rate and slopes, (2 + columns,) each.
+    first : bool
+        Whether of equal values the first one is taken.
     """
 
     what: int
@@ -97,6 +101,7 @@ class Peak(NamedTuple):
     sizes: object
     low: object
     high: object
+    first: bool
 
 
 @njit(cache=True, error_model="numpy")
@@ -175,7 +180,7 @@ def _wanted(observed):
         observed.quantities.size, pointer(observed.quantities, 0), observed.integrals.size,
         pointer(observed.integrals, 0), pointer(observed.orders, 0), observed.extremes.size,
         pointer(observed.extremes, 0), pointer(observed.signs, 0), observed.places.size, pointer(observed.places, 0),
-        pointer(observed.scale, 0),
+        pointer(observed.scale, 0), observed.first,
     )  # fmt: skip
 
 
@@ -185,6 +190,7 @@ def _kept(seen):
     return Kept(
         seen.values.shape[1], pointer(seen.sums, 0), pointer(seen.values, 0), pointer(seen.rates, 0),
         pointer(seen.sizes, 0), pointer(seen.noise, 0), pointer(seen.extremes, 0), pointer(seen.kinds, 0),
+        pointer(seen.segments, 0),
     )  # fmt: skip
 
 
@@ -306,11 +312,12 @@ def _extreme(view, wanted, path, j, work, kept):
     peak = Peak(
         wanted.extremes[j], wanted.signs[j], TIED * width + 4e-16 * size + kept.noise[j], JUMPED * width + 1e-14 * size, best,
         pointer(kept.sizes, j * columns), work, pointer(work, 2 + columns),
+        wanted.first,
     )  # fmt: skip
     best[0] = -np.inf
     at, kind = int64(0), int64(SMOOTH)
     for i in range(path.segments):
-        curve = curve_of(path, i, view.length)
+        curve, before = curve_of(path, i, view.length), best[0]
         for a in range(curve.count * each):
             near = max(values[at + a], values[at + a + 1]) >= top - NEAR * width
             if near and rates[at + a] > 0.0 and rates[at + a + 1] <= 0.0:
@@ -323,9 +330,10 @@ def _extreme(view, wanted, path, j, work, kept):
                 look(view, curve, end * (curve.count - 1), float(end))
                 _note(view, curve.mode, peak, peak.low)
                 kind = _offer(peak, columns, int64(SMOOTH), kind)
+        if best[0] > before:
+            kept.segments[j] = i
         at += curve.count * each + 1
-    kind = _levels(view, path, peak, values, each, kind)
-    kept.kinds[j] = kind
+    kept.kinds[j] = kind if peak.first else _levels(view, path, peak, values, each, kind)
     for k in range(1 + columns):
         best[k] *= peak.sign
 
@@ -403,7 +411,10 @@ def _turn(view, curve, peak, step, low, high):
 
 @njit(**INNER)
 def _offer(peak, columns, like, kind):
-    """Take what `peak.low` holds where it is the greatest; slopes that differ between equal ones are NaN."""
+    """Take what `peak.low` holds where it is the greatest; slopes that differ between equal ones are NaN.
+
+    Or of equal ones the first is kept.
+    """
     outlined()
     best, found = peak.best, peak.low
     if not found[0] >= best[0] - peak.tie:
@@ -413,6 +424,8 @@ def _offer(peak, columns, like, kind):
         for k in range(columns):
             best[1 + k] = found[2 + k] if like == SMOOTH else np.nan
         return like
+    if peak.first:
+        return kind
     best[0] = max(best[0], found[0])
     for k in range(columns):
         if like != SMOOTH or not abs(best[1 + k] - found[2 + k]) <= ALIKE * peak.sizes[k]:

@@ -29,9 +29,9 @@ class View(NamedTuple):
     p, constants : pointer
         Parameters with the constants of either behind them.
     active : pointer to int64
-        Indices of the parameters by which derivatives are taken.
+        Of each variation the parameter by which it is taken, -1 for none: it changes the unknowns alone.
     n, columns, expressions, length : int
-        Components of the full state, such parameters, expressions; components of a state with its variations.
+        Components of the full state, variations, expressions; components of a state with its variations.
     stride : int
         Components of an expression's gradient, in state and all parameters.
     y, f, out : pointer
@@ -67,8 +67,8 @@ class Curve(NamedTuple):
 def vary(orbit, mesh, u, du, nodes, coefficients):
     """Follow all segments with their variations and keep dense output, flat.
 
-    orbit, mesh: the fields of those records, the parameters those at `u`. du: (m, active), the derivatives of the
-    unknowns. nodes: (node, n (1 + active)); coefficients: (node, 7 n (1 + active)).
+    orbit, mesh: the fields of those records, the parameters those at `u`; `active` has of each variation the parameter,
+    -1 for none, by which generated functions have no derivative. du: (m, active), changes of the unknowns. nodes: (node, n (1 + active)); coefficients: (node, 7 n (1 + active)).
     """
     orbit, mesh = Orbit(*orbit), Mesh(*mesh)
     system, n, columns = pointed(orbit), orbit.n, orbit.active.size
@@ -168,7 +168,7 @@ def value_of(view, what):
 
 @njit(**INNER)
 def differentiate(view, what, out):
-    """Write the derivatives of a quantity by all parameters at fixed clustered time, where `look` has looked."""
+    """Write the derivatives of a quantity along all variations at fixed clustered time, where `look` has looked."""
     outlined()
     n, columns = view.n, view.columns
     if what < n:
@@ -178,7 +178,7 @@ def differentiate(view, what, out):
         return
     gradient = pointer(view.out, view.expressions + (what - n) * view.stride)
     for k in range(columns):
-        out[k] = gradient[n + view.active[k]]
+        out[k] = gradient[n + view.active[k]] if view.active[k] >= 0 else 0.0
     for e in range(n):
         by = gradient[e]
         if by != 0.0:
