@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from saltus import Average, HybridSystem, Mode, Transition, find_orbit, lyapunov_spectrum, run_sweep, simulate
-from saltus.errors import ConvergenceError
+from saltus import Average, HybridSystem, Mode, Transition, find_orbit, load, lyapunov_spectrum, run_sweep, simulate
+from saltus.errors import ConvergenceError, StiffnessError
 from saltus.flow import radau
 from saltus.flow.stiffness import may_be_implicit
 from saltus.options import SweepOptions
@@ -104,3 +104,25 @@ def test_a_stiff_motion_at_rest_takes_steps_of_finite_length():
     np.testing.assert_allclose(end.x_end, [1.0, 1.0], rtol=1e-9)
     with pytest.raises(ConvergenceError, match="comes to rest"):
         find_orbit(system, x0=[0.0, 0.0])
+
+
+def test_a_motion_tells_how_many_steps_were_implicit(tmp_path):
+    slow, fast = (simulate(forced(k), {}, [1.0, 0.0], periods=4) for k in (10.0, 1e6))
+    assert slow.implicit_steps == 0
+    assert "implicit" not in repr(slow)
+    assert 0 < fast.implicit_steps < fast.step_times.size
+    assert f"{fast.implicit_steps} of them implicit" in repr(fast)
+    fast.save(tmp_path / "fast.nc")
+    assert load(tmp_path / "fast.nc").implicit_steps == fast.implicit_steps
+
+
+def test_a_decay_that_no_steps_may_follow_is_told_with_its_rate():
+    """y decays at the rate 1e7 beside a slow turn, and its zeros are an invariant plane."""
+    system = HybridSystem(
+        ("x", "v", "y"), {"k": 1e7, "w": 1.0}, {"m": Mode({"x": "v", "v": "cos(s) - x - v", "y": "-k*y*(1 + x**2)"})},
+        phase=("s", "w"),
+    )  # fmt: skip
+    with pytest.raises(
+        StiffnessError, match=r"fastest rate there is 1\.?\d*e\+07, a decay that implicit steps may not"
+    ):
+        find_orbit(system, x0=[0.0, 0.0, 1.0])

@@ -180,3 +180,23 @@ def test_a_flow_that_no_steps_follow_is_told(relaxation: HybridSystem, monkeypat
     branch = saltus.continue_orbit(find_orbit(relaxation, x0=[2.0, 0.0]), "mu", (0.01, 1000.0))
     assert branch.stopped[0] == "mu = 0.01: bound reached"
     assert "the flow is stiff" in branch.stopped[1]
+
+
+def test_orbits_and_branches_tell_by_which_steps_they_were_followed(branch, relaxation, tmp_path) -> None:
+    assert not branch.implicit[branch.values < 5.0].any()
+    assert branch.implicit[branch.values > 100.0].all()
+    assert f"stiff: {branch.implicit.sum()} orbits by implicit steps" in repr(branch)
+    branch.save(tmp_path / "branch.nc")
+    assert np.array_equal(saltus.load(tmp_path / "branch.nc").implicit, branch.implicit)
+    for index in (int(np.argmin(branch.values)), int(np.argmax(branch.values))):
+        orbit = branch.solution(index)
+        assert orbit.implicit == branch.implicit[index] == ("stiff, by implicit steps" in repr(orbit))
+        orbit.save(tmp_path / "orbit.nc")
+        assert saltus.load(tmp_path / "orbit.nc").implicit == orbit.implicit
+
+
+@pytest.mark.campaign
+def test_a_relaxation_oscillation_is_verified_by_another_implicit_method(relaxation) -> None:
+    checked = saltus.verify(find_orbit(relaxation, {"mu": 1000.0}, x0=[2.0, 0.0]))
+    assert checked.passed, checked
+    assert not checked.unchecked

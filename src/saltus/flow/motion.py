@@ -103,6 +103,7 @@ class EventDrivenMotion:
         self.most_steps, self.budget, self._watched, self._looks = most_steps, _CHOSEN, 0, 0
         # the time of an explicit step before implicit ones, and the steps behind which these are thought of again
         self._implicit, self._explicit, self._again = False, 0.0, 0.0
+        self.implicit_steps = 0  # of the steps that are kept
         self.least_decay = 0.0  # rate of decay below which steps stay explicit, however many
         self.slopes, self.size, self._guess = np.zeros(16 * n), np.abs(x), np.zeros(14 * n)
         if system.phase is not None:
@@ -243,7 +244,22 @@ class EventDrivenMotion:
             self._choose_steps()
             self._chosen, self._chosen_at = self.tries, self.time
         if self.most_steps is not None and self.tries > self.most_steps and not self._looks:
-            raise StiffnessError(self.time, self.x, self.system.mode_names[self.mode], self.tries)
+            raise self.too_stiff()
+
+    def too_stiff(self) -> StiffnessError:
+        """Return the error of a motion that takes too many steps, with the fastest rate at its state."""
+        hint, compiled = "", self.system.compiled
+        J = compiled.linearised(self.mode, self.x, self.p)[1]
+        if np.all(np.isfinite(J)):
+            values = np.linalg.eigvals(J)
+            fastest = values[np.argmax(np.abs(values))]
+            hint = f"the fastest rate there is {abs(fastest):.3g}"
+            may = may_be_implicit(compiled, self.mode, self.x, self.p, len(self.system.states))
+            if fastest.real < -abs(fastest.imag) and not may:
+                hint += (
+                    ", a decay that implicit steps may not follow: a root vanishes on a surface, or a state stays at 0"
+                )
+        return StiffnessError(self.time, self.x, self.system.mode_names[self.mode], self.tries, hint)
 
     def _choose_steps(self) -> None:
         """Go on by implicit steps where stability limits explicit ones; go back where they are not worth their time."""
@@ -290,6 +306,7 @@ class EventDrivenMotion:
             if keep:
                 m, k = (int(self.counts[place]) for place in (self.kernels.N_STEPS, self.kernels.N_EVENTS))
                 self._room -= m
+                self.implicit_steps += m if self._implicit else 0
                 self.kept_steps.append(tuple(buffer[:m].copy() for buffer in self.step_buffers))
                 self.kept_events.append(tuple(buffer[:k].copy() for buffer in self.event_buffers))
             if status == self.kernels.AGAIN:

@@ -205,6 +205,7 @@ def simulate(
         step_starts=frozen(starts),
         step_dense=frozen(dense),
         tolerance=(run.rtol, run.atol),
+        implicit_steps=run.implicit_steps,
     )
     warn_of(motion.landings_beyond)
     return motion

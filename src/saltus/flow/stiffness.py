@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.flow.invariant_planes import staying
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -42,11 +44,5 @@ def may_be_implicit(compiled: Compiled, mode: int, x: NDArray[np.float64], p: ND
     """
     if compiled.rooted[mode]:
         return False
-    slope, own = np.empty(x.size), np.diag(compiled.linearised(mode, x, p)[1])
-    for i in np.flatnonzero(own[:states]):
-        on_plane = x.copy()
-        on_plane[i] = 0.0
-        compiled.call("field", mode, 0, on_plane, p, slope)
-        if slope[i] == 0.0:
-            return False
-    return True
+    own, each = np.diag(compiled.linearised(mode, x, p)[1]), np.eye(x.size, dtype=np.bool_)
+    return not any(staying(compiled, mode, x, p, each[i]).any() for i in np.flatnonzero(own[:states]))

@@ -69,6 +69,8 @@ class Trajectory(Result):
         Coefficients of the dense output, of order 7.
     tolerance : (float, float)
         Relative and absolute tolerance of a step.
+    implicit_steps : int
+        How many of the steps were implicit ones, of a stiff stretch.
     """
 
     system: HybridSystem
@@ -84,6 +86,7 @@ class Trajectory(Result):
     step_starts: NDArray[np.float64] = field(repr=False)
     step_dense: NDArray[np.float64] = field(repr=False)
     tolerance: tuple[float, float] = (1e-10, 1e-12)
+    implicit_steps: int = 0
 
     def __call__(self, t: ArrayLike) -> NDArray[np.float64]:
         """Return the full state at times `t`, shape (all states,) for a number, (time, all states) for an array.
@@ -284,12 +287,15 @@ class Trajectory(Result):
         told += f" ({grazing} grazing)" if (grazing := int(self.events["grazing"].sum())) else ""
         wraps = int(np.sum(kinds == "phase"))
         told += f", {wraps} periods of {self.system.phase[0]}" if self.system.phase is not None else ""
+        steps = (
+            f"{self.step_times.size} steps{f', {self.implicit_steps} of them implicit' if self.implicit_steps else ''}"
+        )
         title = repr(self.system.name) if self.system.name else "a system"
         beyond = "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])
         beyond += f", and {more} more like it" if (more := len(self.landings_beyond) - 1) > 0 else ""
         end = ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.system.all_states, self.x_end, strict=True))
         return (
-            f"Trajectory of {title} over 0 <= t <= {self.t_end:.10g}: {self.step_times.size} steps, {told}\n"
+            f"Trajectory of {title} over 0 <= t <= {self.t_end:.10g}: {steps}, {told}\n"
             f"  ends in mode {self.mode_end!r} at {end}\n"
             f"  {self.stopped}{beyond}"
         )
@@ -328,6 +334,7 @@ class Trajectory(Result):
             "stopped": self.stopped,
             "rtol": self.tolerance[0],
             "atol": self.tolerance[1],
+            "implicit_steps": self.implicit_steps,
         }
         return xr.Dataset(variables, coords={"state": list(self.system.all_states)}, attrs=attrs)
 
@@ -365,6 +372,8 @@ class Trajectory(Result):
             step_starts=frozen(held.array("step_start", ("step", "state"))),
             step_dense=frozen(held.array("step_dense", ("step", "coefficient", "state"))),
             tolerance=(held.number("rtol", least=0.0), held.number("atol", least=0.0)),
+            # absent from earlier files
+            implicit_steps=held.count("implicit_steps") if "implicit_steps" in held.dataset.attrs else 0,
         )
 
     def _times(self, t: ArrayLike) -> NDArray[np.float64]:

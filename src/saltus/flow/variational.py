@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.errors import InputError, StiffnessError
+from saltus.errors import InputError
 from saltus.flow.motion import EventDrivenMotion, check_tolerances, start_state
 from saltus.flow.sticking import check_continuous
 from saltus.result import frozen
@@ -221,7 +221,7 @@ def _run_rows(
             longest = max(longest, step)
             stiff = stiff + run.tries - tries if step < longest / _SHRUNK else 0
             if run.rate == 0.0 and stiff > _STIFF_STEPS:
-                raise StiffnessError(run.time, run.x, run.system.mode_names[run.mode], run.tries)
+                raise run.too_stiff()
         count = int(run.counts[run.kernels.N_STEPS])
         check_continuous(run.system, run.step_buffers[1][:count], run.step_buffers[2][:count], run.p)
     if status != done:

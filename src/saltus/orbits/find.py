@@ -156,7 +156,7 @@ def _found(
         with one_thread(len(system.states)):
             orbit = in_pieces(search(system, p, x, start, longest, tol))
     except StiffnessError as error:
-        hint = f"settle= allows {_STEPS} steps for each period"
+        hint = f"settle= allows {_STEPS} steps for each period" + (f"; {error.args[4]}" if error.args[4] else "")
         raise StiffnessError(error.time, error.state, error.mode, error.steps, hint) from None
     if any(passed_event(system, system.mode_index(part.mode), part.state, p) for part in orbit.segments):
         warn_of(orbit.landings_beyond)

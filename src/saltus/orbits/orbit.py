@@ -70,6 +70,8 @@ class PeriodicOrbit(Solution):
         Relative tolerance of the flow.
     fixed : Fixed or None
         The quantity that was fixed when the orbit was solved, and the parameter that was freed.
+    implicit : bool
+        Whether the flow is stiff, and was followed by implicit steps.
     """
 
     system: HybridSystem
@@ -85,6 +87,7 @@ class PeriodicOrbit(Solution):
     highs: NDArray[np.float64]
     tolerance: float
     fixed: Fixed | None = None
+    implicit: bool = False
 
     noun = "an orbit"
 
@@ -371,6 +374,7 @@ class PeriodicOrbit(Solution):
             "stable": int(self.stable),
             "admissible": int(self.admissible),
             "tolerance": self.tolerance,
+            "implicit": int(self.implicit),
         }
         dataset.attrs |= {} if self.fixed is None else {"fixed": json.dumps(self.fixed.as_list())}
         return dataset
@@ -399,6 +403,7 @@ class PeriodicOrbit(Solution):
             held.array("maximum", ("quantity",), finite=False),
             held.number("tolerance", *TOLERANCES),
             read_fixed(held, system),
+            "implicit" in held.dataset.attrs and held.count("implicit", most=1) == 1,  # absent from earlier files
         )
 
     def __repr__(self) -> str:
@@ -410,10 +415,11 @@ class PeriodicOrbit(Solution):
         again = f", in which the motion repeats itself {self.repeats} times, as its drive does"
         faster = again if self.repeats > 1 else ""
         fixed = "" if self.fixed is None else f"  fixed       {self.fixed}\n"
+        steps = "  flow        stiff, by implicit steps\n" if self.implicit else ""
         return (
             f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
             f"  period      {self.period:.12g}{turns}{faster}{rounds}\n"
-            f"  signature   {path_of(self.signature)}\n{fixed}"
+            f"  signature   {path_of(self.signature)}\n{fixed}{steps}"
             f"  x0          [{', '.join(f'{value:.6g}' for value in self.x0)}]\n"
             f"  |multipliers| {', '.join(f'{abs(value):.6g}' for value in self.multipliers)}\n"
             f"  residual    {self.residual:.2g}" + "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])
@@ -447,4 +453,5 @@ def orbit_at(
         survey.highs,
         problem.tol,
         fixed,
+        survey.implicit,
     )

@@ -417,7 +417,7 @@ class OrbitProblem:
         faults = self._surveys.survey(
             self.record, self._events, self.mesh, self._curve(), (self.tol, self._atol), self.state_scale, u, found
         )
-        return Survey(int(faults) & ~COARSE, bool(faults & COARSE), *found)
+        return Survey(int(faults) & ~COARSE, bool(faults & COARSE), *found, implicit=self.stiff)
 
     def dense(
         self,

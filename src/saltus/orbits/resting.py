@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from saltus.flow.invariant_planes import staying
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -104,13 +106,12 @@ def nearest_to_zero(problem: Equations, survey: Survey) -> float:
     ends = np.abs(np.stack([lows, highs]))
     shares = ends.min(axis=0) / np.maximum(ends.max(axis=0), 1e-300)
     near = (np.sign(lows) * np.sign(highs) > 0.0) & (shares < NEAR_ZERO)
-    x, slope = np.zeros(problem.n), np.empty(problem.n)
-    pushed = near.copy()
-    while np.any(near) and np.any(pushed):
-        x[:count] = np.where(near, 0.0, lows)
-        pushed[:] = False
-        for mode in dict.fromkeys(problem.modes.tolist()):
-            problem.system.compiled.call("field", mode, 0, x, problem.extended, slope)
-            pushed |= near & (slope[:count] != 0.0)
-        near &= ~pushed
-    return max(float(np.min(shares, where=near, initial=1.0)), _NEAREST)
+    x, modes = np.zeros(problem.n), dict.fromkeys(problem.modes.tolist())
+    x[:count] = lows
+    zeros = np.append(near, np.zeros(problem.n - count, dtype=np.bool_))
+    while zeros.any():
+        stay = [staying(problem.system.compiled, mode, x, problem.extended, zeros) for mode in modes]
+        if np.all(stay == zeros):
+            break
+        zeros = np.logical_and.reduce(stay)
+    return max(float(np.min(shares, where=zeros[:count], initial=1.0)), _NEAREST)

@@ -221,6 +221,7 @@ class Survey:
     # shape (states + outputs, 3): means over the period, and of the products with cosine and sine of the angle, which
     # is the phase; without a phase it grows by 2 pi in a period
     moments: NDArray[np.float64]
+    implicit: bool = False  # whether the flow is stiff, and was followed by implicit steps
 
     def __post_init__(self) -> None:
         undefined = np.isnan(self.moments[:, 0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ __all__ = ["Calls", "Piece", "UnfollowedError", "contacts", "extremes", "follow"
 _RTOL = 1e-12  # relative tolerance of the integration
 _ATOL = 1e-14  # absolute one, over the states' sizes
 _MOST_CALLS = 60_000  # evaluations of the field in a period, from which on the motion counts as stiff
+_RTOL_STIFF = 1e-10  # relative tolerance of implicit steps, of order 5
+_MOST_STIFF = 400_000  # evaluations of the field by these, at most: some 20 s
+_FINE = 1e-4  # error of an extreme's place, over the distance of samples
 _SAMPLES = 400  # states of a segment at which events and extremes are looked for
 _LOW = 1e-8  # largest distance of a segment from a surface, over the event's unit, up to which it is the method's error
 _ENDS = 1e-7  # share of a duration next to a segment's ends in which an event is that of the end
@@ -82,17 +85,20 @@ def follow(calls: Calls, x: NDArray[np.float64], duration: float, sizes: NDArray
         The motion takes too many steps, or cannot be followed to its end.
     """
     span = duration / parts
-    slopes, interpolants, first = [], [], 1e-3 * span
-    for _ in range(parts):
-        interpolant, x, slope, first = _part(calls, x, span, sizes, first)
+    slopes, interpolants, first = [], [], (1e-9 if calls.stiff else 1e-3) * span
+    times = np.linspace(0.0, duration, _SAMPLES)
+    for part in range(parts):
+        interpolant, x, slope, steps = _part(calls, x, span, sizes, first)
         interpolants.append(interpolant)
         slopes.append(slope)
+        first = float(np.diff(steps)[max(steps.size - 3, 0)])  # that of the end itself is cut
+        if calls.stiff:  # fast layers lie between equidistant samples
+            times = np.union1d(times, part * span + steps[1:-1])
 
     def between(t: float) -> NDArray[np.float64]:
         i = min(max(int(t / span), 0), parts - 1)
         return interpolants[i](t - i * span)
 
-    times = np.linspace(0.0, duration, _SAMPLES)
     states = np.column_stack([between(float(t)) for t in times])
     states[:, -1] = x
     return Piece(calls.mode, times, states, tuple(slopes), between)
@@ -105,10 +111,12 @@ class Calls:
     ----------
     reference : Reference
         The system.
+    stiff : bool
+        Whether steps are implicit ones: Radau's method of order 5 with the exact Jacobian.
     """
 
-    def __init__(self, reference: Reference) -> None:
-        self.reference = reference
+    def __init__(self, reference: Reference, stiff: bool) -> None:
+        self.reference, self.stiff = reference, stiff
         self.enter(0)
         self.count = 0
 
@@ -120,36 +128,46 @@ class Calls:
     def __call__(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the rates of a state and of what stands beside it: its neighbours, or its variations."""
         self.count += 1
-        if self.count > _MOST_CALLS:
+        if self.count > (_MOST_STIFF if self.stiff else _MOST_CALLS):
             raise UnfollowedError
         if self.rooted:
             return self.reference.field(self.mode, y)
         rate, slope = self.reference.field_with_slope(self.mode, y[:, 0])
         return np.column_stack([rate, slope @ y[:, 1:]])
 
+    def jacobian(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of the rates but for second derivatives of the field, for Newton's method.
+
+        What stands beside the state moves as the state does, so that one matrix serves all columns.
+        """
+        return np.asarray(np.kron(self.reference.field_slope(self.mode, y[:, 0]), np.eye(y.shape[1])), dtype=float)
+
 
 def _part(
     calls: Calls, x: NDArray[np.float64], duration: float, sizes: NDArray[np.float64], first: float
-) -> tuple[Callable[[float], NDArray[np.float64]], NDArray[np.float64], NDArray[np.float64], float]:
-    """Return the states of a part as a function of time, its end, its derivative and the last step's length."""
+) -> tuple[Callable[[float], NDArray[np.float64]], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the states of a part as a function of time, its end, its derivative and the ends of steps."""
     from scipy.integrate import solve_ivp
 
     start = stencil(x, sizes) if calls.rooted else np.column_stack([x, np.eye(x.size)])
     atol = np.tile(_ATOL * sizes[:, None], start.shape[1])
     if not calls.rooted:
         atol[:, 1:] /= sizes
+    method: dict[str, Any] = {"method": "DOP853", "rtol": _RTOL, "atol": atol.ravel()}
+    if calls.stiff:
+        jacobian = lambda t, y: calls.jacobian(y.reshape(start.shape))  # noqa: E731
+        method = {"method": "Radau", "rtol": _RTOL_STIFF, "atol": 100.0 * atol.ravel(), "jac": jacobian}
     with np.errstate(all="ignore"):
         found = solve_ivp(
-            lambda t, y: calls(y.reshape(start.shape)).ravel(), (0.0, duration), start.ravel(), "DOP853",
-            dense_output=True, rtol=_RTOL, atol=atol.ravel(), first_step=min(first, duration),
+            lambda t, y: calls(y.reshape(start.shape)).ravel(), (0.0, duration), start.ravel(),
+            dense_output=True, first_step=min(first, duration), **method,
         )  # fmt: skip
     if not found.success or not np.all(np.isfinite(found.y[:, -1])):
         raise UnfollowedError
     end = found.y[:, -1].reshape(start.shape)
     slope = differences(end, sizes) if calls.rooted else end[:, 1:]
     own = np.arange(x.size) * start.shape[1]
-    last = float(np.diff(found.t)[max(found.t.size - 3, 0)])  # that of the end itself is cut
-    return (lambda t: np.asarray(found.sol(t)[own])), end[:, 0], slope, last
+    return (lambda t: np.asarray(found.sol(t)[own])), end[:, 0], slope, found.t
 
 
 def projection(rate: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -204,7 +222,9 @@ def extremes(reference: Reference, piece: Piece) -> tuple[NDArray[np.float64], N
                 return sign * float(reference.quantities(piece.mode, piece.between(t))[row])
 
             for a, b in {(max(i - 1, 0), min(i + 1, last)), (0, 1), (last - 1, last)}:  # it may lie at a closed end
-                found = minimize_scalar(height, bounds=(piece.times[a], piece.times[b]), method="bounded")
+                ends = float(piece.times[a]), float(piece.times[b])
+                near = {"xatol": min(1e-5, _FINE * (ends[1] - ends[0]))}
+                found = minimize_scalar(height, bounds=ends, method="bounded", options=near)
                 kept[row] = sign * min(float(found.fun), sign * kept[row])
     return lows, highs
 

@@ -78,8 +78,10 @@ class OrbitCheck:
         self.resting = _is_rest(orbit)
         self.found: FollowedOrbit | None = None
         if not self.resting:
-            with contextlib.suppress(UnfollowedError):
-                self.found = _followed(orbit)
+            for stiff in (False, True):
+                with contextlib.suppress(UnfollowedError):
+                    self.found = _followed(orbit, stiff)
+                    break
 
     def rows(self) -> list[Row]:
         """Return the claims of the orbit with their checks."""
@@ -87,7 +89,7 @@ class OrbitCheck:
         if self.resting:
             return _shrunk_rows(orbit)
         if found is None:
-            return [unchecked("orbit", orbit.period, "the motion is too stiff for an explicit integration")]
+            return [unchecked("orbit", orbit.period, "SciPy's DOP853 and Radau need too many steps to follow it")]
         rows = [_closing(orbit, found), *_durations(orbit, found), *_multipliers(orbit, found)]
         rows += _extremes(orbit, found)
         rows.append(equal("admissible", orbit.admissible, not _obstacles(orbit, found)))
@@ -107,20 +109,20 @@ class OrbitCheck:
         if kind != "GR" and not has_multiplier_condition(kind):
             return [unchecked(f"type {kind}", kind, "no independent condition")]
         if self.found is None:
-            return [unchecked(f"type {kind}", kind, "the motion cannot be followed by an explicit integration")]
+            return [unchecked(f"type {kind}", kind, "SciPy cannot follow the motion")]
         if kind == "GR":
             distance = _least_contact(self.found)
             return [compared("least distance from a contact without speed", 0.0, distance, _TOUCHES)]
         return multiplier_condition(self.found.multipliers, kind, multiplicity)
 
 
-def _followed(orbit: PeriodicOrbit) -> FollowedOrbit:
-    """Follow an orbit's segments from their starts."""
+def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
+    """Follow an orbit's segments from their starts, by implicit steps where it is stiff."""
     reference = Reference(orbit.system, orbit.parameters)
     sizes = _sizes(orbit)
     form, count = orbit.form, len(orbit.durations)
     pieces, gaps, growth, steps = [], [], [], []
-    calls, parts = Calls(reference), max(1, round(_PARTS / count))
+    calls, parts = Calls(reference, stiff), max(1, round(_PARTS / count))
     for i in range(count):
         mode, transition, kind = form.modes[i], form.transitions[i], form.kinds[i]
         piece = follow(calls.enter(mode), orbit.states[i], float(orbit.durations[i]), sizes, parts)

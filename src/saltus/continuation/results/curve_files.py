@@ -93,6 +93,7 @@ def special_variables(
         "special_high": (("special", "quantity"), stack([o.highs for o in orbits], quantities)),
         "special_residual": ("special", np.array([o.residual for o in orbits], dtype=float)),
         "special_faults": ("special", np.array([o.faults for o in orbits], dtype=np.int64)),
+        "special_implicit": ("special", np.array([o.implicit for o in orbits], dtype=np.int8)),
         "special_form": ("special", np.array([forms.index(o.form) for o in orbits], dtype=np.int64)),
         "special_unknown": ("special_ragged", np.concatenate([*blocks, np.empty(0)])),
         "special_unknown_count": ("special", np.array([len(block) for block in blocks], dtype=np.int64)),
@@ -183,6 +184,9 @@ def special_points_of(
     x0 = held.array("special_x0", ("special", "state"), finite=False)
     lows, highs = (held.array(f"special_{end}", ("special", "quantity"), finite=False) for end in ("low", "high"))
     faults = held.array("special_faults", special, int, least=0, most=MOST_FAULTS)
+    implicit = np.zeros(len(blocks), dtype=np.bool_)
+    if "special_implicit" in held.dataset:  # absent from earlier files
+        implicit = held.array("special_implicit", special, bool)
     freed = held.array("special_freed", special, finite=False) if "special_freed" in held.dataset else None
     events = [of if type_ == "BC" else "" for type_, of in zip(text["type"], text["of"], strict=True)]
     saddles = _saddles_of(held, system, parameters, varied, [forms[i].modes[0] for i in number.tolist()], events)
@@ -206,6 +210,7 @@ def special_points_of(
             highs[i],
             tolerance,
             None if fixed is None else replace(fixed, value=float(values[i, 0])),
+            bool(implicit[i]),
         )
         specials.append(
             SpecialPoint(

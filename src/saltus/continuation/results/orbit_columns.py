@@ -58,6 +58,8 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         States and durations of each point's segments, as `OrbitProblem` orders them.
     tolerance : float
         Relative tolerance of the flow.
+    implicit : ndarray of bool, shape (point,)
+        Whether the flow is stiff there, and was followed by implicit steps.
     """
 
     x0: NDArray[np.float64]
@@ -71,6 +73,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
     forms: tuple[Signature, ...]
     form: NDArray[np.int64]
     unknowns: tuple[NDArray[np.float64], ...]
+    implicit: NDArray[np.bool_]
     tolerance: float = 1e-12
 
     counted = "orbits"
@@ -79,13 +82,19 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         **dict.fromkeys(("x0", "period", "lows", "highs", "means"), np.float64),
         **dict.fromkeys(("multipliers", "harmonics"), np.complex128),
         "form": np.int64,
-        "admissible": np.bool_,
+        **dict.fromkeys(("admissible", "implicit"), np.bool_),
     }
 
     @property
     def sound(self) -> NDArray[np.bool_]:
         """See `SolutionCurve.sound`: `admissible`."""
         return self.admissible
+
+    def _described(self, what: str) -> str:
+        """See `SolutionCurve._described`: a word of orbits with implicit steps is added."""
+        title, *lines = super()._described(what).split("\n")
+        stiff = f"  stiff: {int(self.implicit.sum())} orbits by implicit steps"
+        return "\n".join([title, *([stiff] if self.implicit.any() else []), *lines])
 
     @property
     def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -50,6 +50,7 @@ class OrbitCurve(OrbitColumns):
             "multiplier_im": (("point", "multiplier"), self.multipliers.imag),
             "stable": ("point", self.stable.astype(np.int8)),
             "admissible": ("point", self.admissible.astype(np.int8)),
+            "implicit": ("point", self.implicit.astype(np.int8)),
             "period": ("point", self.period),
             "residual": ("point", self.residual),
             "arclength": ("point", self.arclength),
@@ -115,6 +116,9 @@ class OrbitCurve(OrbitColumns):
         n_forms = held.count("n_forms", most=len(forms))
         number = held.array("form", point, int, least=0, most=n_forms - 1)
         wide, tolerance = len(system.all_states) + 1, held.number("tolerance", *TOLERANCES)
+        implicit = np.zeros(number.size, dtype=np.bool_)
+        if "implicit" in held.dataset:  # absent from earlier files
+            implicit = held.array("implicit", point, bool)
         points = special_points_of(held, system, (parameters, varied, fixed), forms, tolerance)
         return cls(
             system=system,
@@ -124,6 +128,7 @@ class OrbitCurve(OrbitColumns):
             stable=held.array("stable", point, bool),
             admissible=held.array("admissible", point, bool),
             period=held.array("period", point),
+            implicit=implicit,
             residual=held.array("residual", point, finite=False),
             arclength=held.array("arclength", point, finite=False),
             lows=held.array("lows", ("point", "quantity"), finite=False),

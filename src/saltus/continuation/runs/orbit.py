@@ -418,6 +418,7 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
         "admissible": np.array([d.survey.admissible for d in data]),
         "period": np.array([point.u[n : piece.problem.size : n + 1].sum() for piece, point in joined.rows]),
         "residual": np.array([d.survey.residual for d in data]),
+        "implicit": np.array([d.survey.implicit for d in data]),
         "lows": np.array([d.survey.lows for d in data]),
         "highs": np.array([d.survey.highs for d in data]),
         "means": np.array([d.survey.means for d in data]),
