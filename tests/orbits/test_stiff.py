@@ -195,6 +195,18 @@ def test_orbits_and_branches_tell_by_which_steps_they_were_followed(branch, rela
         assert saltus.load(tmp_path / "orbit.nc").implicit == orbit.implicit
 
 
+def test_slopes_of_multipliers_through_implicit_steps_are_those_of_the_closed_form() -> None:
+    """x'' + k x' + k x = k cos s has the multiplier exp(2 pi r), r the slow root of r^2 + k r + k."""
+    field = {"x": "v", "v": "-k*(v - cos(s)) - k*x"}
+    orbit = find_orbit(HybridSystem.smooth(field, {"k": 1e4, "w": 1.0}, phase=("s", "w")), x0=[1.0, 0.0])
+    assert orbit.implicit
+    root = np.roots([1.0, 1e4, 1e4]).real.max()
+    exact = 2.0 * np.pi * np.exp(2.0 * np.pi * root) * -(root + 1.0) / (2.0 * root + 1e4)
+    slope = orbit.sensitivity(["multipliers"], ["k"])["multiplier_re"]
+    assert float(slope[0, 0]) == pytest.approx(exact, rel=1e-6)
+    assert "differences" in slope.attrs["note"]
+
+
 @pytest.mark.campaign
 def test_a_relaxation_oscillation_is_verified_by_another_implicit_method(relaxation) -> None:
     checked = saltus.verify(find_orbit(relaxation, {"mu": 1000.0}, x0=[2.0, 0.0]))
