@@ -11,7 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
 from saltus.flow.sticking import sticking_surface
-from saltus.flow.stiffness import may_be_implicit, worth
+from saltus.flow.stiffness import fastest_in_words, may_be_implicit, worth
 from saltus.system.filippov import lines_of
 from saltus.system.parts import NOWHERE, at_phases
 
@@ -248,17 +248,7 @@ class EventDrivenMotion:
 
     def too_stiff(self) -> StiffnessError:
         """Return the error of a motion that takes too many steps, with the fastest rate at its state."""
-        hint, compiled = "", self.system.compiled
-        J = compiled.linearised(self.mode, self.x, self.p)[1]
-        if np.all(np.isfinite(J)):
-            values = np.linalg.eigvals(J)
-            fastest = values[np.argmax(np.abs(values))]
-            hint = f"the fastest rate there is {abs(fastest):.3g}"
-            may = may_be_implicit(compiled, self.mode, self.x, self.p, len(self.system.states))
-            if fastest.real < -abs(fastest.imag) and not may:
-                hint += (
-                    ", a decay that implicit steps may not follow: a root vanishes on a surface, or a state stays at 0"
-                )
+        hint = fastest_in_words(self.system.compiled, self.mode, self.x, self.p, len(self.system.states))
         return StiffnessError(self.time, self.x, self.system.mode_names[self.mode], self.tries, hint)
 
     def _choose_steps(self) -> None:

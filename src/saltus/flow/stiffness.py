@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from saltus.system.compiled import Compiled
 
-__all__ = ["may_be_implicit", "worth"]
+__all__ = ["fastest_in_words", "may_be_implicit", "worth"]
 
 _DEARER = 10.0  # time of an implicit step with two states, over that of an explicit one with sensitivities
 
@@ -46,3 +46,19 @@ def may_be_implicit(compiled: Compiled, mode: int, x: NDArray[np.float64], p: ND
         return False
     own, each = np.diag(compiled.linearised(mode, x, p)[1]), np.eye(x.size, dtype=np.bool_)
     return not any(staying(compiled, mode, x, p, each[i]).any() for i in np.flatnonzero(own[:states]))
+
+
+def fastest_in_words(compiled: Compiled, mode: int, x: NDArray[np.float64], p: NDArray[np.float64], states: int) -> str:
+    """Return the fastest rate at a state in words, and why implicit steps may not follow it; empty where none is known.
+
+    The arguments are those of `may_be_implicit`.
+    """
+    J = compiled.linearised(mode, x, p)[1]
+    if not np.all(np.isfinite(J)):
+        return ""
+    values = np.linalg.eigvals(J)
+    fastest = values[np.argmax(np.abs(values))]
+    told = f"the fastest rate there is {abs(fastest):.3g}"
+    if fastest.real < -abs(fastest.imag) and not may_be_implicit(compiled, mode, x, p, states):
+        told += ", a decay that implicit steps may not follow: a root vanishes on a surface, or a state stays at 0"
+    return told

@@ -439,19 +439,8 @@ def orbit_at(
     values = multipliers(problem, u, J) if values is None else values
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     parameters = dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
+    x0 = survey.x0[: len(problem.system.states)]
     return PeriodicOrbit(
-        problem.system,
-        parameters,
-        problem.signature,
-        blocks[:, : problem.n],
-        blocks[:, problem.n],
-        values,
-        survey.residual,
-        survey.faults,
-        survey.x0[: len(problem.system.states)],
-        survey.lows,
-        survey.highs,
-        problem.tol,
-        fixed,
-        survey.implicit,
-    )
+        problem.system, parameters, problem.signature, blocks[:, : problem.n], blocks[:, problem.n], values,
+        survey.residual, survey.faults, x0, survey.lows, survey.highs, problem.tol, fixed, survey.implicit,
+    )  # fmt: skip
