@@ -332,8 +332,7 @@ class EventDrivenMotion:
 
     def error(self, status: int) -> SaltusError:
         """Return the error that a status of the kernel other than DONE stands for."""
-        kernels = self.kernels
-        t, mode = self.time, self.system.mode_names[self.mode]
+        kernels, t, mode = self.kernels, self.time, self.system.mode_names[self.mode]
         if status == kernels.CHATTERING:
             last = int(self.counts[kernels.FIRED])
             return ChatteringError(t, self.x, mode, self.system.transitions[last].name)
