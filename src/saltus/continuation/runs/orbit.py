@@ -57,6 +57,7 @@ _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the star
 _SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to which it is an equilibrium
 _SHADOW = 1e-9  # distance in the parameter, over its interval, up to which a fold is the shadow of a change
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
+_SURVEYED = "admissible", "residual", "implicit", "lows", "highs", "means", "harmonics"  # columns that surveys have
 
 
 class OrbitRun(OneParameterRun):
@@ -415,14 +416,8 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
         "x0": np.array([d.survey.x0[:states] for d in data]),
         "multipliers": np.array([d.multipliers for d in data]),
         "stable": np.array([d.unstable == 0 for d in data]),
-        "admissible": np.array([d.survey.admissible for d in data]),
         "period": np.array([point.u[n : piece.problem.size : n + 1].sum() for piece, point in joined.rows]),
-        "residual": np.array([d.survey.residual for d in data]),
-        "implicit": np.array([d.survey.implicit for d in data]),
-        "lows": np.array([d.survey.lows for d in data]),
-        "highs": np.array([d.survey.highs for d in data]),
-        "means": np.array([d.survey.means for d in data]),
-        "harmonics": np.array([d.survey.harmonics for d in data]),
+        **{name: np.array([getattr(d.survey, name) for d in data]) for name in _SURVEYED},
         "forms": tuple(forms),
         "form": np.array([forms.index(piece.problem.signature) for piece, _ in joined.rows]),
         "unknowns": tuple(point.u[: piece.problem.size] for piece, point in joined.rows),
