@@ -147,7 +147,7 @@ def test_an_unknown_mode():
 
 
 def test_an_orbit_of_too_many_transitions_is_told_before_its_equations_are_made(monkeypatch):
-    monkeypatch.setattr(importlib.import_module("saltus.orbits.solve"), "_MOST_UNKNOWNS", 12)
+    monkeypatch.setattr(importlib.import_module("saltus.orbits.guesses"), "_MOST_UNKNOWNS", 12)
     field = {"x": "cos(s) - x/10", "y": "1 - y"}
     ticks = [Transition("m", "m", "sin(20*x)", 1, {"y": "y/2"}, name="tick")]
     system = HybridSystem(("x", "y"), {}, {"m": Mode(field)}, ticks, phase=("s", "1"))

@@ -417,7 +417,8 @@ class OrbitProblem:
         faults = self._surveys.survey(
             self.record, self._events, self.mesh, self._curve(), (self.tol, self._atol), self.state_scale, u, found
         )
-        return Survey(int(faults) & ~COARSE, bool(faults & COARSE), *found, implicit=self.stiff)
+        values: Any = (int(faults) & ~COARSE, bool(faults & COARSE), *found, self.stiff)
+        return Survey(*values)
 
     def dense(
         self,

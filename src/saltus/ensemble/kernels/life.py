@@ -118,6 +118,14 @@ def goes_on(flag, count):
 
 
 @part
+def next_to_look_at(lane, count, flags, steps):
+    """Return the next lane, from `lane` on, that does not simply go on."""
+    while lane < count and goes_on(flags[lane], steps[lane]):
+        lane += 1
+    return lane
+
+
+@part
 def looked_at(i, k, R, lane, x, seen, lanes, regions, boxes, settings, found):
     """Look at a motion at phase 0: its visits to boxes so far, and its pool, or DONE where it has a label."""
     n, strobes = x.size, found.strobes[i] + 1
@@ -168,6 +176,14 @@ def worth_while(count, full):
 
 
 @part
+def stepped(lanes, k, R, count, states):
+    """Make a step of the lanes of a pool; return where their flags and their counts of steps begin."""
+    wide = (count + VECTOR - 1) // VECTOR * VECTOR
+    called(lanes.functions[STEP + k], k, pointer(R, 0), wide, pointer(lanes.p, 0), pointer(lanes.q, 0))
+    return pointer(R, (states + FLAG) * NL), pointer(R, (states + COUNT) * NL)
+
+
+@part
 def joins(lanes, S, who, count, to, i):
     """Put motion i, which has begun in the spare lane, into a pool."""
     move(lanes, S[count.size], 0, S[to], count[to])
@@ -208,7 +224,7 @@ def run(lanes, motions, regions, boxes, settings, found, alive, work, scratch):
     lanes: `Lanes` of a system. alive: how many motions are under way at once. work: (pools,), steps made in each.
     """
     S, who, count, seen, x = scratch
-    at, p, q = 0, pointer(lanes.p, 0), pointer(lanes.q, 0)
+    at = 0
     while True:
         at, total = filled(at, lanes, motions, regions, settings, found, alive, scratch)
         if total == 0:
@@ -218,17 +234,14 @@ def run(lanes, motions, regions, boxes, settings, found, alive, work, scratch):
             if count[k] < least:
                 continue
             R = S[k]
-            called(lanes.functions[STEP + k], k, pointer(R, 0), (count[k] + VECTOR - 1) // VECTOR * VECTOR, p, q)
+            flags, steps = stepped(lanes, k, R, count[k], x.size)
             work[k] += count[k]
-            flags, steps = pointer(R, (x.size + FLAG) * NL), pointer(R, (x.size + COUNT) * NL)
-            lane = 0
+            lane = next_to_look_at(0, count[k], flags, steps)
             while lane < count[k]:
-                if goes_on(flags[lane], steps[lane]):
-                    lane += 1
-                    continue
                 i = who[k, lane]
                 seen[i], to = after_step(i, k, R, lane, x, seen[i], lanes, regions, boxes, settings, found)
                 if to == k:
                     lane += 1
-                    continue
-                passed_on(lanes, S, who, count, k, lane, to)
+                else:
+                    passed_on(lanes, S, who, count, k, lane, to)
+                lane = next_to_look_at(lane, count[k], flags, steps)

@@ -13,24 +13,21 @@ from saltus.ensemble.kernels.life import (
     COUNT,
     FLAG,
     ITOL,
-    STEP,
     TIME,
-    VECTOR,
     WAIT,
     begin,
-    called,
-    goes_on,
     joins,
+    next_to_look_at,
     part,
     passed_on,
     read,
+    stepped,
     turned,
     under_way,
     worth_while,
 )
 from saltus.ensemble.labels import AT_STROBE, DONE, HARD, LEFT_OVER, MOST_STEPS, NL, REFUSED
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import pointer
 
 __all__ = ["follow_returns"]
 
@@ -185,7 +182,7 @@ def follow_returns(lanes, motions, section, found, alive, scratch, clocks):
     (m, N_CLOCKS). The looks since the last return are counted in `scratch.seen`.
     """
     S, who, count, looks, x = scratch
-    at, spare, p, q = 0, count.size, pointer(lanes.p, 0), pointer(lanes.q, 0)
+    at, spare = 0, count.size
     while True:
         total = under_way(count)
         while total < alive and at < motions.points.shape[0]:
@@ -201,16 +198,13 @@ def follow_returns(lanes, motions, section, found, alive, scratch, clocks):
             if count[k] < least:
                 continue
             R = S[k]
-            called(lanes.functions[STEP + k], k, pointer(R, 0), (count[k] + VECTOR - 1) // VECTOR * VECTOR, p, q)
-            flags, steps = pointer(R, (x.size + FLAG) * NL), pointer(R, (x.size + COUNT) * NL)
-            lane = 0
+            flags, steps = stepped(lanes, k, R, count[k], x.size)
+            lane = next_to_look_at(0, count[k], flags, steps)
             while lane < count[k]:
-                if goes_on(flags[lane], steps[lane]):
-                    lane += 1
-                    continue
                 i = who[k, lane]
                 to = after_step(i, k, R, lane, x, lanes, motions, section, found, clocks, looks)
                 if to == k:
                     lane += 1
-                    continue
-                passed_on(lanes, S, who, count, k, lane, to)
+                else:
+                    passed_on(lanes, S, who, count, k, lane, to)
+                lane = next_to_look_at(lane, count[k], flags, steps)

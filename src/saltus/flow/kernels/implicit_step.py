@@ -15,7 +15,7 @@ from saltus.flow import radau
 from saltus.flow.kernels.segment import FIELD_P, VARY
 from saltus.flow.kernels.stages import dense_value
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
+from saltus.system.numba_tools.pointers import ARRAYS, INNER, call, outlined, pointer
 
 STAGES = radau.STAGES
 C = radau.NODES
@@ -308,18 +308,25 @@ def roughness(n, used, x, increments, rtol, atol):
 def rate_at(segment, x, stages):
     """Return a rate that steps at a state must resolve: that of the fastest growth, or a tiny part of the fastest rate."""
     outlined()
-    n, fastest = segment.n, 0.0
+    n = segment.n
     for e in range(n):
         stages.frame[e] = x[e]
     for e in range(n * n):
         stages.frame[n + e] = 1.0 if e % (n + 1) == 0 else 0.0
     call(segment.functions[VARY], segment.mode, n, stages.frame, 0, segment.p, stages.out, 0)
-    J = np.empty((n, n), np.complex128)
+    for e in range(n * n):
+        if not abs(stages.out[n + e]) < math.inf:
+            return math.inf
+    return _fastest(pointer(stages.out, n), n)
+
+
+@njit(**ARRAYS)
+def _fastest(entries, n):
+    """Return the rate of `rate_at` of a Jacobian, (n, n)."""
+    fastest, J = 0.0, np.empty((n, n), np.complex128)
     for a in range(n):
         for b in range(n):
-            J[a, b] = stages.out[n + a * n + b]
-            if not abs(stages.out[n + a * n + b]) < math.inf:
-                return math.inf
+            J[a, b] = entries[a * n + b]
     for value in np.linalg.eigvals(J):
         fastest = max(fastest, value.real, GROWN * abs(value) / LONGEST)
     return fastest

@@ -228,7 +228,8 @@ def expanded(system, series, tolerances, motion, mode, columns, room):
     if not h > 0.0:
         return math.nan, in_sigma
     if in_sigma:
-        h *= 0.5 ** counts[SHORTER]
+        for _ in range(counts[SHORTER]):
+            h *= 0.5
     else:
         h = min(h, period(system.phase))
         if numbers[STEP] > 0.0:

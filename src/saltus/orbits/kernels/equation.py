@@ -66,6 +66,12 @@ class Piece(NamedTuple):
 @njit(cache=True, error_model="numpy")
 def set_parameters(functions, u, m, active, scales, p):
     """Take the active parameters from the unknowns behind the m of the orbit, and recompute the constants behind them."""
+    take_parameters(functions, u, m, active, scales, p)
+
+
+@njit(**INNER)
+def take_parameters(functions, u, m, active, scales, p):
+    """Do as `set_parameters`, within a kernel."""
     for k in range(active.size):
         p[active[k]] = u[m + k] * scales[k]
     if active.size > 0:
@@ -140,7 +146,7 @@ def equations(orbit, mesh, phase, tolerances, u, F, J, errors):
     system, n, n_active = pointed(orbit), orbit.n, orbit.active.size
     m = system.segments * (n + 1)
     width = m + n_active
-    set_parameters(orbit.functions, u, m, orbit.active, orbit.scales, orbit.p)
+    take_parameters(orbit.functions, u, m, orbit.active, orbit.scales, orbit.p)
     start, F, entries, errors = pointer(u, 0), pointer(F, 0), pointer(J, 0), pointer(errors, 0)
     shares, starts, worst = pointer(phase.shares, 0), pointer(mesh.starts, 0), 0.0
     for i in range(m * width):

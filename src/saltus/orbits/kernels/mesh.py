@@ -8,7 +8,7 @@ import numpy as np
 
 from saltus.flow.kernels.segment import redistribute
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, pointer
+from saltus.system.numba_tools.pointers import ARRAYS, pointer
 
 FINEST = 5.0  # error of a step, in tolerances, up to which a mesh is fine enough
 COARSEST = 5e-3  # largest error in a segment, in tolerances, below which its mesh is finer than needed
@@ -55,7 +55,7 @@ def moved(places, starts, errors, limit, worst, most):
     return largest <= FINEST, True, fresh[:at].copy(), ends
 
 
-@njit(**INNER)
+@njit(**ARRAYS)
 def _halved(places, starts):
     """Return meshes with each step cut in half."""
     segments = starts.size - 1

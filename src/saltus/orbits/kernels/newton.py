@@ -12,7 +12,7 @@ from saltus.orbits.kernels.mesh import FINEST
 from saltus.orbits.records import APART, CONVERGED, ENDLESS, LATE, MOVE, SINGULAR, Mesh, Orbit, Phase
 from saltus.system.numba_tools.linear import bordered
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER
+from saltus.system.numba_tools.pointers import ARRAYS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,7 +106,7 @@ def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, step
             return told
 
 
-@njit(**INNER)
+@njit(**ARRAYS)
 def _finite(J):
     for i in range(J.shape[0]):
         for j in range(J.shape[1]):
@@ -115,7 +115,7 @@ def _finite(J):
     return True
 
 
-@njit(**INNER)
+@njit(**ARRAYS)
 def _judged(numbers):
     """Return what is told behind a step; MOVE where the method goes on."""
     size = numbers[SIZE]

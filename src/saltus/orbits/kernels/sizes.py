@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER
+from saltus.system.numba_tools.pointers import ARRAYS
 
 
 @njit(cache=True, error_model="numpy")
@@ -19,7 +19,7 @@ def resting(sizes, moves, small):
     return _resting(sizes, moves, small)
 
 
-@njit(**INNER)
+@njit(**ARRAYS)
 def _resting(sizes, moves, small):
     rests, largest = np.zeros(moves.shape[0], np.int64), sizes.max()
     for e in range(sizes.size):

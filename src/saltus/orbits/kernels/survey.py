@@ -11,7 +11,7 @@ from saltus.flow.kernels.event import AT_WRAP
 from saltus.flow.kernels.segment import EVENT_X, FIELD, Segment, dense, missed
 from saltus.flow.kernels.stages import dense_value
 from saltus.orbits.kernels.curve import EVENT, FINE, GUARD, OUTPUTS, Curve, Room, View, at_phase, fine, lowest
-from saltus.orbits.kernels.equation import RESET, TURN, piece_at, pointed, set_parameters, total_duration
+from saltus.orbits.kernels.equation import RESET, TURN, piece_at, pointed, take_parameters, total_duration
 from saltus.orbits.kernels.margin import margin
 from saltus.orbits.kernels.moment import add_moments
 from saltus.orbits.kernels.together import together
@@ -44,7 +44,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
     step passed over something.
     """
     orbit, events, mesh, curves, given = Orbit(*orbit), Events(*events), Mesh(*mesh), Dense(*curves), Found(*found)
-    set_parameters(orbit.functions, u, orbit.modes.size * (orbit.n + 1), orbit.active, orbit.scales, orbit.p)
+    take_parameters(orbit.functions, u, orbit.modes.size * (orbit.n + 1), orbit.active, orbit.scales, orbit.p)
     system, n, starts, u = pointed(orbit), orbit.n, pointer(mesh.starts, 0), pointer(u, 0)
     segments, transitions, kinds = system.segments, system.transitions, system.kinds
     period, most, pieces = total_duration(u, segments, n), _most_samples(kinds, starts, segments), 0

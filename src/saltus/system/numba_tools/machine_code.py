@@ -14,7 +14,7 @@ import pickle
 import stat
 import sys
 from collections.abc import Callable, Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -29,9 +29,13 @@ from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
 from saltus.system.cache import read_checked, warn_not_kept, write_checked
-from saltus.system.numba_tools import lowering
+from saltus.system.numba_tools import inner, inner_expressions, inner_numbers, inner_statements, inner_values, lowering
 
 __all__ = ["LOWERED", "Generated", "cfunc", "generated", "keep_checked", "njit"]
+
+_LOWERED_BY = tuple(
+    str(module.__file__) for module in (inner, inner_expressions, inner_numbers, inner_statements, inner_values)
+)  # modules on which the code of inner functions depends
 
 LOWERED = "saltus:lowered"  # kind of Numba's events that tell of a generated function's compilation
 
@@ -39,6 +43,8 @@ LOWERED = "saltus:lowered"  # kind of Numba's events that tell of a generated fu
 def njit(**options: Any) -> Callable[[FunctionType], Any]:
     """Return a decorator that is `numba.njit`; with ``cache=True`` compiled code is kept in checked files."""
     kept = options.pop("cache", False)
+    if options.pop("inner", False):
+        return partial(inner.inner, pasted=options.get("inline") == "always", fast=options.get("fastmath", ()))
 
     def compiled(function: FunctionType) -> Any:
         dispatcher = numba.njit(**options)(function)
@@ -195,7 +201,7 @@ class _CheckedFiles:
     def _origin(self, key: tuple[Any, ...]) -> bytes:
         """Digest of all that the code depends on."""
         versions = (numba.__version__, llvmlite.__version__, sys.version)
-        sources = [_digest(file) for file in sorted(set(_files(self._function)))]
+        sources = [_digest(file) for file in sorted({*_files(self._function), *_LOWERED_BY})]
         return hashlib.sha256(repr((key, versions, sources)).encode()).digest()
 
 
@@ -206,10 +212,10 @@ def _files(function: FunctionType) -> Iterator[str]:
         function = waiting.pop()
         yield function.__code__.co_filename
         for name in function.__code__.co_names:
-            inner = getattr(function.__globals__.get(name), "py_func", None)
-            if isinstance(inner, FunctionType) and inner not in found:
-                found.add(inner)
-                waiting.append(inner)
+            called = getattr(function.__globals__.get(name), "py_func", None)
+            if isinstance(called, FunctionType) and called not in found:
+                found.add(called)
+                waiting.append(called)
 
 
 @lru_cache(maxsize=1024)

@@ -9,9 +9,11 @@ from numba import types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-# Options of functions that only other kernels call; a function is cached with all that it calls.
-INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-PART: dict[str, Any] = {**INNER, "inline": "always"}  # of functions pasted into their callers: that compiles faster
+# Options of functions that only other kernels call, and that are written into each of them.
+INNER: dict[str, Any] = {"inner": True}
+PART: dict[str, Any] = {"inner": True, "inline": "always"}  # of functions pasted into their callers
+# Options of functions that only kernels call, and that need more of NumPy than inner functions have.
+ARRAYS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 @intrinsic

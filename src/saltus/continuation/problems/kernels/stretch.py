@@ -13,7 +13,7 @@ from saltus.continuation.core.kernels.control import TAKEN, growth, judge, predi
 from saltus.equilibria.kernels.field import field_at
 from saltus.system.numba_tools.linear import bordered
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER
+from saltus.system.numba_tools.pointers import ARRAYS
 
 ACCEPTED = 2e-9  # largest relative Newton step of a converged point
 RESIDUAL = 1e-8  # most residual of a point, over the sizes of the field's terms
@@ -81,7 +81,7 @@ def stretch(system, start, before, gap, step, limits, bounds, sizes, origin, fou
     return points.shape[0], h
 
 
-@njit(**INNER)
+@njit(**ARRAYS)
 def _newton(system, guess, last, weights, unit, most, u, F, J, new):
     """Correct u in the hyperplane through the guess; return the iterations, 0 for none, and numbers of the point.
 
@@ -115,7 +115,7 @@ def _newton(system, guess, last, weights, unit, most, u, F, J, new):
     return 0, (0.0, 0.0)
 
 
-@njit(**INNER)
+@njit(**ARRAYS)
 def _residual(F, J, sizes, new):
     """Return the largest component of the field, over the sizes of its terms."""
     worst = 0.0
