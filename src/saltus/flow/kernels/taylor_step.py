@@ -61,7 +61,8 @@ SHORTEST = (
 PAUSE = 2  # steps in sigma between two trials of series in time
 SHORTER_MOST = 40  # most halvings in a row of a step in sigma at whose end time runs back
 LANDING = 1e3  # event function at its landing, in tolerances, beyond which HELP is asked for
-GROWTH = 1.6  # length of a step, over the last one, beyond which it is checked
+CHECKED = (0.37, 0.71, 1.0)  # fractions of a step at which its series are held against the field: the last one always
+GROWTH = 1.6  # length of a step, over the last one, beyond which it is checked at the others as well
 MOST_GROWTH = 4.0  # length of a step, over the last one, at most
 DEFECT = 100.0  # defect of the equations, in tolerances, up to which a checked step holds
 CUTS = 40  # most times that a checked step is cut to a quarter
@@ -168,18 +169,19 @@ def defect(system, mode, columns, at, h, tolerances, y, slopes):
 
 
 @njit(**INNER)
-def _checked(system, mode, columns, h, tolerances, x, room):
+def _checked(system, mode, columns, h, first, tolerances, x, room):
     """Shorten a step until its series solve the equations, and are right for event functions, inside and at its end.
 
-    The last two terms do not bound the error where a pulse lies ahead, or where most terms vanish.
+    The last two terms do not bound the error where a pulse lies ahead, or where most terms vanish. first: index of the
+    first place in `CHECKED` that is looked at.
     """
     outlined()
     n_states, y, event = system.n_states, room.y, room.event
     c, order, stride, rtol, atol = columns.c, columns.order, columns.stride, tolerances.rtol, tolerances.atol
     for _ in range(CUTS):
         worst = 0.0
-        for fraction in (0.37, 0.71, 1.0):
-            at = fraction * h
+        for k in range(first, len(CHECKED)):
+            at = CHECKED[k] * h
             evaluate(c, order, stride, n_states, at, y)
             if system.phase > 0.0:
                 y[n_states] = x[n_states] + system.phase * at
@@ -188,10 +190,10 @@ def _checked(system, mode, columns, h, tolerances, x, room):
             for e in range(n_states):
                 size = max(size, abs(y[e]))
             place = n_states + 1
-            for k in range(system.n_transitions):
-                if system.transitions[3 * k] == mode:
+            for j in range(system.n_transitions):
+                if system.transitions[3 * j] == mode:
                     place += 1
-                    call(system.addresses[EVENT], k, 0, y, 0, system.p, event, 0)
+                    call(system.addresses[EVENT], j, 0, y, 0, system.p, event, 0)
                     value = column_value(c, order, stride, place, at)[0]
                     worst = max(worst, abs(event[0] - value) / (atol + rtol * max(size, abs(value))))
         if worst <= DEFECT:
@@ -234,8 +236,8 @@ def expanded(system, series, tolerances, motion, mode, columns, room):
         h = min(h, period(system.phase))
         if numbers[STEP] > 0.0:
             h = min(h, MOST_GROWTH * numbers[STEP])
-        if h > GROWTH * numbers[STEP]:
-            h = _checked(system, mode, columns, h, tolerances, x, room)
+        first = 0 if h > GROWTH * numbers[STEP] else len(CHECKED) - 1
+        h = _checked(system, mode, columns, h, first, tolerances, x, room)
     return h, in_sigma
 
 
