@@ -196,6 +196,27 @@ def test_compiled_code_is_of_the_kernels_that_it_calls(tmp_path, monkeypatch):
     assert found == [(11.0, 0), (11.0, 1), (16.0, 0)]
 
 
+@pytest.mark.parametrize("values", ["2.0", "(2.0, 0.0)", "np.array([2.0, 0.0])"])
+def test_compiled_code_is_of_the_numbers_that_it_takes_from_other_modules(tmp_path, monkeypatch, values):
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    outer = (
+        "from saltus.system.numba_tools.machine_code import njit\n"
+        "import numbers_of_two\n\n"
+        "FACTOR = numbers_of_two.FACTOR\n\n"
+        "@njit(cache=True)\n"
+        "def outer(x):\n"
+        f"    return {'FACTOR' if values == '2.0' else 'FACTOR[0]'} * x\n"
+    )
+    found = []
+    for number in ("2.0", "2.0", "3.0"):
+        (tmp_path / "numbers_of_two.py").unlink(missing_ok=True)
+        text = f"import numpy as np\n\nFACTOR = {values.replace('2.0', number)}\n"
+        monkeypatch.setitem(sys.modules, "numbers_of_two", loaded(tmp_path / "numbers_of_two.py", text))
+        function = loaded(tmp_path / "outer.py", outer).outer
+        found.append((function(5.0), sum(function.stats.cache_hits.values())))
+    assert found == [(10.0, 0), (10.0, 1), (15.0, 0)]
+
+
 def cache_of_digests_emptied():
     from saltus.system.numba_tools import machine_code
 

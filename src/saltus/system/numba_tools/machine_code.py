@@ -21,6 +21,7 @@ from typing import Any
 
 import llvmlite
 import numba
+import numpy as np
 from numba.core import event, sigutils
 from numba.core.caching import FunctionCache
 from numba.core.ccallback import CFunc
@@ -201,16 +202,30 @@ class _CheckedFiles:
     def _origin(self, key: tuple[Any, ...]) -> bytes:
         """Digest of all that the code depends on."""
         versions = (numba.__version__, llvmlite.__version__, sys.version)
-        sources = [_digest(file) for file in sorted({*_files(self._function), *_LOWERED_BY})]
-        return hashlib.sha256(repr((key, versions, sources)).encode()).digest()
+        functions = list(_with_called(self._function))
+        sources = [_digest(file) for file in sorted({f.__code__.co_filename for f in functions} | set(_LOWERED_BY))]
+        constants = sorted({found for function in functions for found in _constants(function)})
+        return hashlib.sha256(repr((key, versions, sources, constants)).encode()).digest()
 
 
-def _files(function: FunctionType) -> Iterator[str]:
-    """Files of a function and of the compiled functions that it calls, at any depth."""
+def _constants(function: FunctionType) -> Iterator[tuple[str, str]]:
+    """Names and values of the numbers that a function takes from its module, which may be those of another file."""
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
+        if isinstance(value, np.ndarray):
+            yield name, repr((value.shape, value.tolist()))
+        elif isinstance(value, int | float) or (
+            isinstance(value, tuple) and all(isinstance(item, int | float) for item in value)
+        ):
+            yield name, repr(value)
+
+
+def _with_called(function: FunctionType) -> Iterator[FunctionType]:
+    """Return a function and the compiled functions that it calls, at any depth."""
     found, waiting = {function}, [function]
     while waiting:
         function = waiting.pop()
-        yield function.__code__.co_filename
+        yield function
         for name in function.__code__.co_names:
             called = getattr(function.__globals__.get(name), "py_func", None)
             if isinstance(called, FunctionType) and called not in found:
