@@ -72,6 +72,14 @@ def extremes(x, n):
     return max(x, 1.0, n), min(n, 3), max(nothing, x), max(x, nothing), min(nothing, 1.0), min(1.0, nothing), max(n, 2)
 
 
+def results_that_widen(x, n):
+    if n > 5:
+        return 1, (n, True)
+    if n > 2:
+        return x, (2.5, n > 3)
+    return n, (0, False)
+
+
 def conditions(x, n):
     inside = 0.0 < x <= 1.0 and n != 4
     outside = not inside or (x > 0.5 and n > 1)
@@ -224,3 +232,10 @@ def test_what_the_language_lacks_is_refused():
     kernel, _ = by_both(listed)
     with pytest.raises(NotImplementedError, match=r"\[x, n\] in the inner function .*listed"):
         kernel(1.0, 2)
+
+
+def test_a_result_that_is_an_integer_first_is_a_float():
+    lowered, wanted = by_both(results_that_widen)
+    for x, n in CASES:
+        assert lowered(x, n) == wanted(x, n)
+        assert list(map(type, lowered(x, n))) == [float, tuple]

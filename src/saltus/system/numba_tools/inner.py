@@ -12,6 +12,7 @@ import ast
 import builtins
 import inspect
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from functools import cache, cached_property
 from types import FunctionType
@@ -69,6 +70,11 @@ class Inner:
         return found
 
     @cached_property
+    def stores(self) -> Counter[str]:
+        """How often the text sets each of its names."""
+        return Counter(n.id for n in ast.walk(self.tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
+
+    @cached_property
     def outside(self) -> dict[str, Any]:
         """What the names of the text stand for that it does not set itself."""
         cells = zip(self.function.__code__.co_freevars, self.function.__closure__ or (), strict=True)
@@ -95,7 +101,7 @@ class Inner:
         return unpacked(builder, returned, value)
 
     def returned(self, key: Any) -> Any:
-        """Return the key of what the function returns, None for nothing, for arguments of these keys."""
+        """Return the key of what the function returns for arguments of these keys."""
         if key not in self._results:
             widened: dict[str, Any] = {}
             while key not in self._results:

@@ -42,24 +42,11 @@ _TO_TRUTHS = (math.isnan, math.isfinite, math.isinf)
 
 
 class Expressions(Numbers):
-    """The expressions of a function that becomes LLVM code.
-
-    Parameters
-    ----------
-    context : Numba's target context
-        What lowers elementary functions.
-    function : Inner
-        The function.
-    code : ir.Function
-        What is written.
-    sought : bool
-        Whether types alone are sought.
-    """
+    """The expressions of a function that becomes LLVM code; the arguments are those of `Numbers`."""
 
     def __init__(self, context: Any, function: Any, code: ir.Function, sought: bool) -> None:
         super().__init__(context, function, code, sought)
         self._names: dict[str, Any] = {}
-        self._own = {n.id for n in ast.walk(function.tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
         self._kept: list[Any] = []  # places of the addresses of arrays made here
 
     def _value(self, node: ast.expr) -> Any:
@@ -94,7 +81,7 @@ class Expressions(Numbers):
             if isinstance(found, Slot):
                 return of_key(found.key, iter([self._builder.load(place) for place in found.places]))
             return found
-        if name in self._own or name not in self._function.outside:
+        if name in self._function.stores or name not in self._function.outside:
             raise self._refused(node)
         return self._known(self._function.outside[name], node)
 
@@ -389,9 +376,9 @@ class Expressions(Numbers):
         kind = _DTYPES.get(self._outside(node.args[1])) if len(node.args) > 1 else FLOAT
         if kind is None:
             raise self._refused(node)
-        with self._at_entry() as builder:
-            place = builder.alloca(_BYTES)
-            builder.store(ir.Constant(_BYTES, None), place)
+        entry = self._at_entry()
+        place = entry.alloca(_BYTES)
+        entry.store(ir.Constant(_BYTES, None), place)
         self._context.nrt.free(self._builder, self._builder.load(place))
         self._kept.append(place)
         data = self._context.nrt.allocate_unchecked(self._builder, self._builder.mul(length, WORD(8)))
@@ -408,8 +395,7 @@ class Expressions(Numbers):
         """Return a new array of a few numbers of a kind."""
         (given,) = self._items(node.args)
         (kind,) = {item.key for item in given.items}
-        with self._at_entry() as builder:
-            data = builder.alloca(llvm_type(kind), len(given.items))
+        data = self._at_entry().alloca(llvm_type(kind), len(given.items))
         for i, item in enumerate(given.items):
             self._builder.store(item.value, self._builder.gep(data, [WORD(i)]))
         return Array(types.Array(kind, 1, "C"), data, (WORD(len(given.items)),))

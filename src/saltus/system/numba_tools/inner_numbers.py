@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import ast
 import operator
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -58,9 +57,9 @@ class Numbers:
     def _refused(self, node: ast.AST) -> NotImplementedError:
         return NotImplementedError(f"{ast.unparse(node)} in the inner function {self._function.function.__qualname__}")
 
-    @contextmanager
-    def _at_entry(self) -> Iterator[Any]:
-        yield ir.IRBuilder(self._entry)
+    def _at_entry(self) -> ir.IRBuilder:
+        """Return what writes at the function's beginning, where places on the stack are taken."""
+        return ir.IRBuilder(self._entry)
 
     def _number(self, value: Any) -> Scalar:
         """Return a number that the text has."""

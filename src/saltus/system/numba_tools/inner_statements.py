@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -48,12 +47,8 @@ class Lowering(Expressions):
 
     Parameters
     ----------
-    context : Numba's target context
-        What lowers elementary functions.
-    function : Inner
-        The function.
-    code : ir.Function
-        What is written.
+    context, function, code
+        As `Numbers` takes them.
     widened : dict of str to numba type
         Names that must be wider than what is assigned to them first.
     returned : key
@@ -69,23 +64,19 @@ class Lowering(Expressions):
         self._depth = 0  # of branches and loops
         self._around: list[tuple[Any, Any]] = []  # blocks to which `continue` and `break` go
         self._left: list[Any] = []  # blocks to which a `break` goes
-        stores = (n.id for n in ast.walk(function.tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
-        self._stores = Counter(stores)
 
     def lower(self, arguments: dict[str, Any]) -> Any:
         """Write the function; return the key of its result."""
         for name, value in arguments.items():
             self._names[name] = value
-            if self._stores[name] and not isinstance(value, Array):
-                self._stores[name] += 1
+            if name in self._function.stores and not isinstance(value, Array):
                 self._names[name] = self._slot(name, value.key)
                 self._put(self._names[name], value)
         self._statements(self._function.tree.body)
         if not self._builder.block.is_terminated:
             self._return(Scalar(NONE, None))
         self._leave()
-        with self._at_entry() as builder:
-            builder.branch(self._start)
+        self._at_entry().branch(self._start)
         return self._returned
 
     def _statements(self, body: Iterable[ast.stmt]) -> None:
@@ -132,7 +123,9 @@ class Lowering(Expressions):
         if isinstance(value, Array) or (isinstance(value, Record) and any(isinstance(i, Array) for i in value.items)):
             raise NotImplementedError(f"{self._function.function.__qualname__} returns an array, which ends with it")
         if self._sought:
-            self._returned = value.key if self._returned is None else self._wider("return", self._returned, value.key)
+            if self._returned is None:
+                self._returned = self._widest("return", value.key)
+            self._take_in("return", self._returned, value.key)
             self._builder.unreachable()
             return
         self._ends.append((flat(self._converted(value, self._returned)), self._builder.block))
@@ -244,8 +237,8 @@ class Lowering(Expressions):
     def _slot(self, name: str, key: Any) -> Slot:
         """Return a place on the stack for values of a key, or wider ones where the name has such."""
         key = self._widest(name, key)
-        with self._at_entry() as builder:
-            return Slot(key, [builder.alloca(kind) for kind in parts(key)])
+        entry = self._at_entry()
+        return Slot(key, [entry.alloca(kind) for kind in parts(key)])
 
     def _widest(self, name: str, key: Any) -> Any:
         if isinstance(key, tuple):
@@ -273,7 +266,9 @@ class Lowering(Expressions):
 
     def _name(self, name: str, value: Any) -> None:
         before = self._names.get(name)
-        if isinstance(value, (Array, Outside)) or (self._depth == 0 and self._stores[name] == 1):
+        if isinstance(value, (Array, Outside)) or (
+            self._depth == 0 and before is None and self._function.stores[name] == 1
+        ):
             if self._depth and before is not None:
                 raise NotImplementedError(f"{name} becomes another array within a branch or a loop")
             self._names[name] = value
@@ -282,23 +277,19 @@ class Lowering(Expressions):
             if self._depth and before is not None:
                 raise NotImplementedError(f"{name}, {before.key}, becomes {value.key} within a branch or a loop")
             self._names[name] = before = self._slot(name, value.key)
-        self._wider(name, before.key, value.key)
+        self._take_in(name, before.key, value.key)
         self._put(before, value)
 
-    def _wider(self, name: str, key: Any, other: Any) -> Any:
-        """Return a key that a name has already; raise where another one assigned to it is wider."""
+    def _take_in(self, name: str, key: Any, other: Any) -> None:
+        """Raise where what is assigned to a name of a key is wider, or of another kind."""
         if isinstance(key, tuple) and isinstance(other, tuple) and key[0] is other[0] and len(key[1]) == len(other[1]):
             for i, (one, two) in enumerate(zip(key[1], other[1], strict=True)):
-                self._wider(f"{name}.{i}", one, two)
-            return key
-        if key in WIDTH and other in WIDTH:
-            wanted = max(key, self._widened.get(name, key), key=WIDTH.__getitem__)
-            if WIDTH[other] > WIDTH[wanted]:
+                self._take_in(f"{name}.{i}", one, two)
+        elif key in WIDTH and other in WIDTH:
+            if WIDTH[other] > WIDTH[key]:
                 raise WidenedError(name, other)
-            return wanted
-        if key != other:
+        elif key != other:
             raise NotImplementedError(f"{name} is {key} and {other} in {self._function.function.__qualname__}")
-        return key
 
 
 def _loaded(node: ast.Name) -> ast.Name:
