@@ -14,7 +14,27 @@ if TYPE_CHECKING:
 
     from saltus.algebraic.protocol import AlgebraicProblem
 
-__all__ = ["responses", "solve_zero", "state_sizes", "why_none", "without_rounding"]
+__all__ = [
+    "ACCEPTED",
+    "CONTRACTS",
+    "ENDING",
+    "ENDLESS_FROM",
+    "REMESHED",
+    "UNSTABLE",
+    "responses",
+    "solve_zero",
+    "state_sizes",
+    "why_none",
+    "without_rounding",
+]
+
+# Of Newton's method in a plane across a branch, compiled or not. Its steps are taken over the unknowns' sizes.
+ACCEPTED = 2e-9  # largest step of a converged point
+REMESHED = 20  # most further iterations of a converged point while its mesh is refined
+UNSTABLE = 2  # most evaluations of a point on meshes too coarse for the flow to be finite
+ENDLESS_FROM = 1e6  # step from which on the equations cannot be followed
+CONTRACTS = 0.7  # largest ratio of two steps of a method that converges
+ENDING = 1e-5  # step up to which a method that does not contract may still end
 
 _ITERATIONS = 100  # most Newton steps
 _CONVERGED = 1e-13  # Newton step, over the states' sizes, of a converged equilibrium

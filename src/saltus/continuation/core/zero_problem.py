@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from saltus.algebraic.newton import ACCEPTED, CONTRACTS, ENDING, ENDLESS_FROM, REMESHED, UNSTABLE
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -32,11 +34,8 @@ __all__ = [
 ]
 
 SAME = 1e-6  # distance in arclength up to which two points of a curve are the same
-_STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
-_REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
 _RESTS = 1e-9  # parameter's component of a tangent, over the largest, up to which it is rounding
 _REGULAR = 1e-10  # least diagonal entry of a triangle, over the largest, from which on it is solved with
-_UNSTABLE = 2  # most evaluations of a point on meshes too coarse for the flow to be finite
 
 
 class Unsolved:
@@ -166,23 +165,23 @@ def correct(
     u = guess.copy()
     row, scale = weights * tangent, problem.scale()
     previous, remeshed, unstable = math.inf, 0, 0
-    for iteration in range(1, iterations + _REMESHED + 1):
+    for iteration in range(1, iterations + REMESHED + 1):
         F, J = problem.evaluate(u)
-        if unstable < _UNSTABLE and not np.all(np.isfinite(J)) and not problem.accurate():
+        if unstable < UNSTABLE and not np.all(np.isfinite(J)) and not problem.accurate():
             unstable += 1
             continue
         steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
         if sign == 0.0 or not math.isfinite(log):
             return Unsolved.SINGULAR
-        if not size < 1e6:
+        if not size < ENDLESS_FROM:
             return Unsolved.ENDLESS
         u = u + steps[:, 0]
-        if problem.accurate() and size < _STEP_ACCEPTED:
+        if problem.accurate() and size < ACCEPTED:
             direction = steps[:, 1] / math.sqrt(float(weights @ steps[:, 1] ** 2))
             return Point(u, J, direction, weights, sign, log, residual, iteration)
-        if size > 0.7 * previous and size > 1e-5:
+        if size > CONTRACTS * previous and size > ENDING:
             return Unsolved.APART
-        remeshed += size < _STEP_ACCEPTED
+        remeshed += size < ACCEPTED
         if iteration - remeshed >= iterations:
             break
         previous = size
@@ -200,14 +199,14 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
     weights = problem.metric(u)
     root = np.sqrt(np.maximum(weights, 1e-12))
     J = np.empty(0)
-    for _ in range(6 + _REMESHED):
+    for _ in range(6 + REMESHED):
         F, J = problem.evaluate(u)
         fine = problem.accurate()
         if not np.all(np.isfinite(J)):  # on meshes too coarse for the flow, which are finer now
             continue
         step = _nearest(J / root, -F)[0] / root
         u = u + step
-        if fine and np.abs(step / problem.scale()).max() < _STEP_ACCEPTED:
+        if fine and np.abs(step / problem.scale()).max() < ACCEPTED:
             break
     if not np.all(np.isfinite(J)):
         raise ValueError("Newton: the equations have no finite values")

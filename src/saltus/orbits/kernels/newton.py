@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.algebraic.newton import ACCEPTED, CONTRACTS, ENDING, ENDLESS_FROM, REMESHED, UNSTABLE
 from saltus.orbits.kernels.equation import equations
 from saltus.orbits.kernels.mesh import FINEST
 from saltus.orbits.records import APART, CONVERGED, ENDLESS, LATE, MOVE, SINGULAR, Mesh, Orbit, Phase
@@ -16,13 +17,6 @@ from saltus.system.numba_tools.pointers import ARRAYS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
-REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
-_UNSTABLE = 2  # most evaluations of a point on meshes too coarse for the flow to be finite
-_HUGE = 1e6  # relative Newton step from which on the flow cannot be followed
-_CONTRACTS = 0.7  # largest ratio of two steps of a method that converges
-_ROUNDED = 1e-5  # relative step up to which a method that does not contract may still end
 
 # Where a call goes on: with an evaluation, behind one that was not finite, behind a step; or it only evaluates.
 EVALUATE = 0.0
@@ -85,14 +79,14 @@ def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, step
             if numbers[ITERATION] > numbers[MOST] + REMESHED:
                 return LATE
             numbers[WORST] = equations(orbit, mesh, phase, tolerances, u, F, J, errors)
-            if numbers[TRIED] < _UNSTABLE and not numbers[WORST] <= FINEST and not _finite(J):
+            if numbers[TRIED] < UNSTABLE and not numbers[WORST] <= FINEST and not _finite(J):
                 numbers[STAGE] = _INFINITE
                 return MOVE
         solves = False
         solutions, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
         if sign == 0.0 or not math.isfinite(log):
             return SINGULAR
-        if not size < _HUGE:
+        if not size < ENDLESS_FROM:
             return ENDLESS
         steps[:] = solutions
         for j in range(u.size):
@@ -119,11 +113,11 @@ def _finite(J):
 def _judged(numbers):
     """Return what is told behind a step; MOVE where the method goes on."""
     size = numbers[SIZE]
-    if numbers[FINE] != 0.0 and size < STEP_ACCEPTED:
+    if numbers[FINE] != 0.0 and size < ACCEPTED:
         return CONVERGED
-    if size > _CONTRACTS * numbers[PREVIOUS] and size > _ROUNDED:
+    if size > CONTRACTS * numbers[PREVIOUS] and size > ENDING:
         return APART
-    numbers[MOVED] += 1.0 if size < STEP_ACCEPTED else 0.0
+    numbers[MOVED] += 1.0 if size < ACCEPTED else 0.0
     if numbers[ITERATION] - numbers[MOVED] >= numbers[MOST]:
         return LATE
     numbers[PREVIOUS], numbers[STAGE] = size, EVALUATE

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import ARRAYS
 
 
 @njit(cache=True, error_model="numpy")
@@ -16,11 +15,6 @@ def resting(sizes, moves, small):
 
     sizes: (states,); moves: (n, n), whether the state of a column is in the rate of the state of a row.
     """
-    return _resting(sizes, moves, small)
-
-
-@njit(**ARRAYS)
-def _resting(sizes, moves, small):
     rests, largest = np.zeros(moves.shape[0], np.int64), sizes.max()
     for e in range(sizes.size):
         rests[e] = 1 if sizes[e] < small * largest else 0
@@ -69,7 +63,7 @@ def resized(lows, highs, limits, least, moves, largest, scale):
             near |= min(low, high) / max(sizes[e], 1e-300) < limits[1]
     top = max(known.max(), 1e-300)
     # a state at rest has no size of its own, and is given one for good
-    rests = _resting(known, moves, limits[0])
+    rests = resting(known, moves, limits[0])
     for e in range(count):
         if rests[e] != 0:
             known[e] = top
