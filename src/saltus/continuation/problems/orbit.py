@@ -190,7 +190,9 @@ class OrbitZeroProblem:
         weights: NDArray[np.float64],
         iterations: int,
     ) -> Point | str | None:
-        """Return what `correct` does, by one compiled call for each mesh; None for a stiff flow."""
+        """Return what `correct` does, by one compiled call for each mesh; None for a stiff flow or further unknowns."""
+        if self.further:
+            return None
         found = corrected(self.problem, guess, weights * tangent, self._scale, iterations)
         if found is None:
             return None

@@ -87,16 +87,6 @@ class QuantityZeroProblem(OrbitZeroProblem):
         J[-1, -1] = -self.equations.unit * self.interest.scale
         return F, J
 
-    def corrected(
-        self,
-        guess: NDArray[np.float64],
-        tangent: NDArray[np.float64],
-        weights: NDArray[np.float64],
-        iterations: int,
-    ) -> None:
-        """Return None: no compiled call solves the equations with those of the gap."""
-        return
-
     def _leaps(self, before: Point, point: Point) -> bool:
         """Return whether the period, which the metric does not contain, changes much in a step that is not short."""
         problem = self.problem
