@@ -11,7 +11,6 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import saltus
@@ -613,15 +612,3 @@ def test_a_quasi_periodic_firing_pattern_is_no_chaos_and_has_its_rotation_number
     for current, rotation in zip(values, sweep.rotations[0], strict=True):
         turns = firing_rotation(current, 0.3) % 1.0
         assert rotation == pytest.approx(min(turns, 1.0 - turns), abs=2e-3)
-
-
-@pytest.mark.parametrize("sharpness", [20.0, 60.0])
-def test_a_pulse_behind_a_long_step_is_not_stepped_over(sharpness):
-    def pulse(t):
-        return math.exp(sharpness * (math.cos(t) - 1.0) - (2.0 * math.pi - t))
-
-    response = quad(pulse, 0.0, 2.0 * math.pi, points=[1.0, 5.0], epsabs=1e-13)[0] / -math.expm1(-2.0 * math.pi)
-    system = HybridSystem.smooth({"x": f"-x + A*exp({sharpness}*(cos(s) - 1))"}, {"A": 1.0}, phase=("s", "1"))
-    sweep = run_sweep(system, "A", [1.0, 2.0, 3.0], x0=[0.0], options=SweepOptions(lanes=False))
-    assert sweep.labels.tolist() == [["period-1"] * 3]
-    np.testing.assert_allclose(sweep.points[0, :, -1, 0], response * np.array([1.0, 2.0, 3.0]), rtol=1e-7)

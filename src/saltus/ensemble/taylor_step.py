@@ -64,6 +64,7 @@ def taylor_step(lane: LaneText, pool: Pool) -> tuple[list[str], list[str]]:
         "ratio = ratio*h",
         f"h = h*root(max({_TAIL!r}*ratio/(1.0 - ratio), 1.0), {float(order)!r})",
         f"h = min(min(h, {lane.load('cap')}), {_SIGMA_STEP if form is not None else lane.number('longest')})",
+        *(f"h = min(h, root({' + '.join(ways)} + 1e-30, {float(k)!r}))" for k, ways in enumerate(series.ways, 1)),
         f"flag = {GOES_ON}",
     ]
     if any(p.split is not None and p.split.rest and p.mode == pool.mode for p in lane.pools):

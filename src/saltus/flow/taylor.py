@@ -106,7 +106,7 @@ class TaylorRun:
         self.counts[kernels.RETURNS] = 0
         self._most = STEPS_A_RETURN * max(wanted, 1)
         series = kernels.Series(
-            self.series.addresses[1], self.series.order, self.series.stride, self.series.forms,
+            self.series.addresses[1], self.series.order, self.series.stride, self.series.ways, self.series.forms,
             bernstein_table(self.series.order), self.extended_series,
         )  # fmt: skip
         returns = kernels.Returns(self.at_wrap, self.section, discard, longest, keep, *kept)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import sympy
 
+from saltus.system.exponents import exponents_in
 from saltus.system.printer import is_broken, without_poles
 from saltus.system.regularise import multiple_of
 from saltus.system.writer import Writer, zeros
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from saltus.system.derivatives import Symbolic
+    from saltus.system.exponents import Exponent
 
 __all__ = ["FlowWriter", "SecondWriter", "ThirdWriter"]
 
@@ -51,6 +53,25 @@ class FlowWriter(Writer):
         yield self._function("outputs", {k: self._assign(s.outputs[k]) for k in modes})
         guards = [*s.domain, *s.when, *(condition for part in s.conditions for condition in part)]
         yield self._function("guard", {k: self._assign([guard]) for k, guard in enumerate(guards)})
+        exponents = {k: self._exponents(k) for k in modes}
+        self.numbers["EXPONENTS"] = any(exponents.values())
+        yield self._function("ways", {k: self._ways(found) for k, found in exponents.items()})
+
+    def _exponents(self, mode: int) -> list[Exponent]:
+        """Exponents of what a mode's motion feels: its field and event functions."""
+        s = self.system
+        events = [s.event[k] for k, source in enumerate(s.source) if source == mode]
+        return exponents_in([*s.field[mode], *events], self._parameters)
+
+    def _ways(self, exponents: list[Exponent]) -> list[str]:
+        """Text of the longest way of an exponent between two states, one behind the other in x."""
+        names, lines = self._names, ["out[0] = 0.0"]
+        values = [self._hoist(exponent.value) for exponent in exponents]
+        for place, at in enumerate("ab"):
+            self._names = names | {symbol: f"x[{place * self.n + i}]" for i, symbol in enumerate(self.system.x)}
+            lines += [f"{at}{i} = {self._text(value)}" for i, value in enumerate(values)]
+        self._names = names
+        return lines + [f"out[0] = max(out[0], {e.way(f'a{i}', f'b{i}')})" for i, e in enumerate(exponents)]
 
     def _by_parameter(self, name: str, expressions: dict[int, list[sympy.Expr]]) -> str:
         branches = {}

@@ -45,10 +45,10 @@ Formulas: TypeAlias = tuple[tuple[str, tuple[str, ...]], ...]  # of each its tex
 
 # Names of the generated functions, in the order of `Compiled.addresses`.
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
-             "outputs", "guard")  # fmt: skip
+             "outputs", "guard", "ways")  # fmt: skip
 
 # Those that a motion needs.
-MOTION = ("derive", "field", "event", "event_x", "reset", "guard")
+MOTION = ("derive", "field", "event", "event_x", "reset", "guard", "ways")
 
 # Names of the functions of second derivatives, in the order of `CompiledSecond.addresses`.
 SECOND = ("derive", "field_2", "event_2", "reset_2")
@@ -60,7 +60,8 @@ class Compiled:
     Attributes
     ----------
     motion : ndarray of int64, shape (functions,)
-        Where each of `FUNCTIONS` that is one of `MOTION` begins, 0 for others; valid in this process only.
+        Where each of `FUNCTIONS` that is one of `MOTION` begins, 0 for others; valid in this process only. A system
+        without exponents has 0 for ``ways``.
     n, n_parameters, n_constants, n_outputs : int
         Sizes of the full state, of the parameters, of the constants made from them, of the outputs.
     rooted : ndarray of bool, shape (modes,)
@@ -92,7 +93,8 @@ class Compiled:
         return self._addresses(FUNCTIONS)
 
     def _addresses(self, wanted: Sequence[str]) -> NDArray[np.int64]:
-        found = [getattr(self._module, name).address if name in wanted else 0 for name in FUNCTIONS]
+        needed = set(wanted) if self._module.EXPONENTS else set(wanted) - {"ways"}
+        found = [getattr(self._module, name).address if name in needed else 0 for name in FUNCTIONS]
         return np.array(found, dtype=np.int64)
 
     def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -153,6 +155,8 @@ class CompiledSeries:
         Where ``derive`` and ``series`` begin; valid in this process only.
     order, stride : int
         Last coefficient; columns.
+    ways : int
+        Column with the sizes of the coefficients of exponents, in ways that a step may go; -1 without exponents.
     forms : ndarray of int64, shape (modes, 2)
         For each mode the transition about which it is regularised (-1: none) and the sign of its event function.
     """
@@ -160,7 +164,7 @@ class CompiledSeries:
     def __init__(self, module: Any, system: Definition) -> None:
         self._module = module  # addresses are valid as long as the module is
         self.addresses = np.array([module.derive.address, module.series.address], dtype=np.int64)
-        self.order, self.stride = int(module.ORDER), int(module.STRIDE)
+        self.order, self.stride, self.ways = int(module.ORDER), int(module.STRIDE), int(module.WAYS)
         self.forms = np.array(module.FORMS, dtype=np.int64).reshape(len(system.modes), 2)
         self._n_constants = int(module.CONSTANTS)
         self._derive: Any = callable_at(module.derive)
@@ -311,7 +315,17 @@ def with_constants(derive: Any, p: NDArray[np.float64], n_constants: int) -> NDA
 
 
 # Modules from which the text of the flow, and that of Taylor series and linear parts, comes.
-_TEXT = ("choices", "derivatives", "expansion", "expressions", "grammar", "printer", "regularise", "writer")
+_TEXT = (
+    "choices",
+    "derivatives",
+    "expansion",
+    "exponents",
+    "expressions",
+    "grammar",
+    "printer",
+    "regularise",
+    "writer",
+)
 _FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "codegen"))
 SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "linear_split", "taylor"))  # besides its own writer
 

@@ -34,24 +34,30 @@ class SeriesWriter(Writer):
         wanted |= {len(modes) + k: form for k, form in enumerate(forms) if form is not None}
         first_event = len(self.system.system.states) + 2
         stride = first_event + max(self.system.source.count(k) for k in modes)
+        series = {
+            k: series_of_mode(self.system, k % len(modes), self.order, lambda e: self._text(self._hoist(e)), form)
+            for k, form in wanted.items()
+        }
+        ways = stride if any(one.ways for one in series.values()) else -1
+        stride += ways >= 0
         self.numbers = {
             "ORDER": self.order,
             "STRIDE": stride,
+            "WAYS": ways,
             "FORMS": [(-1, 1) if form is None else (form.transition, form.sign) for form in forms],
         }
         branches = {}
-        for k, form in wanted.items():
-            series = series_of_mode(self.system, k % len(modes), self.order, lambda e: self._text(self._hoist(e)), form)
-            places = [*range(first_event - (2 if form is None else 0)), *range(first_event, stride)]
-            branches[k] = (
-                series.constants
-                + series.lines
-                + [
-                    f"out[{stride * i + place}] = {name}_{i}"
-                    for i in range(self.order + 1)
-                    for place, name in zip(places, series.columns, strict=False)
-                ]
-            )
+        for k, one in series.items():
+            places = [*range(first_event - (2 if wanted[k] is None else 0)), *range(first_event, stride)]
+            branches[k] = one.constants + one.lines
+            branches[k] += [
+                f"out[{stride * i + place}] = {name}_{i}"
+                for i in range(self.order + 1)
+                for place, name in zip(places, one.columns, strict=False)
+            ]
+            if ways >= 0:
+                sums = [" + ".join(terms) for terms in one.ways] or ["0.0"] * self.order
+                branches[k] += [f"out[{stride * (i + 1) + ways}] = {total}" for i, total in enumerate(sums)]
         yield self._function("series", branches, "fast=True")
 
 

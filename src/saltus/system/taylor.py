@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import sympy
 
 from saltus.errors import SaltusError
+from saltus.system.exponents import exponent_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -29,7 +30,7 @@ __all__ = ["NotAnalyticError", "Series", "series_of_mode"]
 
 
 class NotAnalyticError(SaltusError):
-    """A definition has no Taylor series: it uses the sign or the absolute value of something that varies."""
+    """A definition has no Taylor series: it uses the sign or absolute value of what varies, or too high a power."""
 
 
 class _Linear(NamedTuple):
@@ -49,6 +50,8 @@ class Series(NamedTuple):
     columns: list[str]
     # names of the series of the sines and cosines of the phase in the state without a series
     phasors: dict[sympy.Expr, str]
+    # for each order from 1 on the exponents' coefficients, over the way that a step may go; [] without exponents
+    ways: list[list[str]]
 
 
 def series_of_mode(
@@ -119,6 +122,7 @@ class _Tape:
             self.names[form.w] = self.w
             self.starts += [f"{self.w}_0 = {read(len(system.x))}", f"{self.prefix}t_0 = 0.0"]
         self.written_coefficients: dict[str, str] = {}
+        self.watched: dict[str, str] = {}
 
     def written(self) -> Series:
         s, form = self.system, self.form
@@ -147,7 +151,13 @@ class _Tape:
                 part = f"*{1.0 / (k + 1)!r}" if k else ""
                 lines += [f"{x}_{k + 1} = {name}_{k}{part}" for x, name in zip(moving, slopes, strict=True)]
         constants = [f"{name} = {value}" for name, value in self.written_coefficients.items()]
-        return Series(constants, lines, columns, phasors)
+        weights = [f"{self.prefix}way{i}" for i in range(len(self.watched))]
+        lines += [f"{weight} = {text}" for weight, text in zip(weights, self.watched.values(), strict=True)]
+        ways = [
+            [f"abs({name}_{k})*{weight}" for name, weight in zip(self.watched, weights, strict=True)]
+            for k in range(1, self.order + 1)
+        ]
+        return Series(constants, lines, columns, phasors, ways if self.watched else [])
 
     def linear(self, expression: sympy.Expr) -> _Linear:
         """Take a linear combination apart; what is not linear becomes a series of its own."""
@@ -216,10 +226,21 @@ class _Tape:
         return names[0]
 
     def function(self, expression: sympy.Expr) -> str:
-        if expression.is_Pow or expression.func is sympy.exp:
-            return self.power(*expression.as_base_exp()) if expression.is_Pow else self.grown(expression.args[0])
+        if expression.is_Pow and not expression.exp.free_symbols <= self.parameters:
+            expression = sympy.exp(expression.exp * sympy.log(expression.base), evaluate=False)
+        if (exponent := exponent_of(expression, self.parameters)) is not None:
+            if expression.is_Pow:
+                raise NotAnalyticError(
+                    f"where its base vanishes, the series of a power {expression.exp} begins too late"
+                )
+            name = self.single(exponent.value)
+            self.watched[name] = exponent.weight(f"{name}_0")
+        if expression.is_Pow:
+            return self.power(*expression.as_base_exp())
         argument = expression.args[0]
         match expression.func.__name__:
+            case "exp":
+                return self.operation("exp", self.single(argument))
             case "sin" | "cos":
                 return self.circular(argument, expression.func.__name__)
             case "sinh" | "cosh":
@@ -264,9 +285,6 @@ class _Tape:
             if operation[0] == name and len(operation) == 3:
                 self.operations[i] = (*operation, factor)
 
-    def grown(self, exponent: sympy.Expr) -> str:
-        return self.operation("exp", self.single(exponent))
-
     def circular(self, argument: sympy.Expr, kind: str) -> str:
         """Sine or cosine; of the phase, a phasor that turns at a constant rate."""
         theta = self.theta
@@ -289,9 +307,7 @@ class _Tape:
             if exponent < 0:
                 name = self.operation("inverse", name)
             return self.whole_power(name, count)
-        if exponent.free_symbols <= self.parameters:
-            return self.operation("power", self.single(base), self.coefficient(exponent))
-        return self.grown(exponent * sympy.log(base))
+        return self.operation("power", self.single(base), self.coefficient(exponent))
 
     def whole_power(self, name: str, count: int) -> str:
         if count == 1:

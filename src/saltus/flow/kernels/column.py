@@ -75,6 +75,14 @@ def step_length(c, order, stride, m, first_event, last_event, rtol, atol):
     return min(min(_root(last, order), _root(last_but_one, order - 1)), LONGEST_STEP * (1.0 + size) / slope)
 
 
+@njit(**INNER)
+def shortened(c, order, stride, ways, h):
+    """A step in which no exponent goes further than it may: coefficients of exponents are in column `ways`."""
+    for k in range(1, order + 1):
+        h = min(h, _root(c[k * stride + ways], k))
+    return h
+
+
 @njit(**SUMS)
 def evaluate(c, order, stride, m, h, out):
     """Value of the first m columns at h."""

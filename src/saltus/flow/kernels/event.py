@@ -62,6 +62,7 @@ from saltus.flow.kernels.state import (
 )
 from saltus.flow.kernels.step import FIELD, ROUNDING, first_step, size_of_terms
 from saltus.flow.kernels.trial import attempt, interpolant
+from saltus.flow.kernels.ways import WAYS, longest_way
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, PART, call, outlined, pointer, stack
@@ -73,6 +74,7 @@ GUARD = FUNCTIONS.index("guard")
 HOP_RUN_MOST = 3  # hops in a row, each lower than rounding, from one event to itself: more are chattering
 TWICE = 1e-9  # event function, over its terms, up to which it is 0 where another one is
 SHORTEST = 1e-250  # shortest step, in the system's time; no step is below four roundings of the time either
+SAFE = 0.9  # of the step at which an exponent goes as far as it may
 
 
 class Stride(NamedTuple):
@@ -307,11 +309,17 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
     if not accepted:
         _shorten(system, state, mode, h, factor, room.event)
         return STEP_UNDERFLOW if _underflows(numbers) else DONE
-    active = False
+    way = system.addresses[WAYS]
+    active = way != 0
     for k in range(system.n_transitions):
         active = active or system.transitions[3 * k] == mode
     if active or steps.room > 0:
         interpolant(system, tolerances, state, mode, h, room.x_end, state.slopes, state.guess, room, dense)
+    longest = longest_way(way, mode, n, system.p, dense, state.x)
+    factor = min(factor, SAFE / max(longest, 1e-3))
+    if longest > 1.0:
+        numbers[STEP] = h * max(factor, 0.2)
+        return STEP_UNDERFLOW if _underflows(numbers) else DONE
     status = seek(system, tolerances, state, mode, h, room.x_end, dense, crossings, ends, fit, room.y, room.event)
     if status != DONE:
         numbers[STEP] = 0.5 * h

@@ -14,6 +14,7 @@ import numpy as np
 from numba import float64, int64
 
 from saltus.flow.kernels.stages import dense_coefficients, dense_slope, dense_value, error_norm, stage
+from saltus.flow.kernels.ways import WAYS, longest_way
 from saltus.flow.tableaux import NODES as C
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit
@@ -139,7 +140,7 @@ def missed(segment, s, h, curve, node, x, probe, field, rtol, atol):
         for e in range(n):
             if not abs(probe[e] - h * field[e]) <= MISSED * (atol + rtol * abs(x[e])):
                 return True
-    return False
+    return longest_way(segment.functions[WAYS], segment.mode, n, segment.p, curve, node) > 1.0
 
 
 @njit(cache=True, error_model="numpy")

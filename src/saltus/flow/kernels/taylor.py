@@ -294,7 +294,13 @@ def follow_kernel(system, series, tolerances, returns, budget, motion):
     integers = np.zeros(4 * n_transitions, np.int64)
     system = system_pointers(system)
     series = Series(
-        series.address, order, stride, pointer(series.forms, 0), pointer(series.binomials, 0), pointer(series.p, 0)
+        series.address,
+        order,
+        stride,
+        series.ways,
+        pointer(series.forms, 0),
+        pointer(series.binomials, 0),
+        pointer(series.p, 0),
     )
     counts, numbers = pointer(motion.counts, 0), pointer(motion.numbers, 0)
     motion = Motion(pointer(motion.x, 0), numbers, counts, pointer(motion.side, 0), pointer(motion.on, 0))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from saltus.flow.kernels.column import column_value, evaluate, roots, step_length
+from saltus.flow.kernels.column import column_value, evaluate, roots, shortened, step_length
 from saltus.flow.kernels.order import first_crossing
 from saltus.flow.kernels.polynomial import ROOTS
 from saltus.flow.kernels.state import DURATION, PASSES, TWO_PI
@@ -79,7 +79,7 @@ class Series(NamedTuple):
     ----------
     address : int
         Where ``series`` begins.
-    order, stride : int
+    order, stride, ways : int
         As `CompiledSeries` has them.
     forms : ndarray of int64, shape (mode, 2)
         As `CompiledSeries` has them.
@@ -92,6 +92,7 @@ class Series(NamedTuple):
     address: int
     order: int
     stride: int
+    ways: int
     forms: Integers
     binomials: Floats
     p: Floats
@@ -229,6 +230,8 @@ def expanded(system, series, tolerances, motion, mode, columns, room):
         counts[SIGMA_STEPS] -= 1
     if not h > 0.0:
         return math.nan, in_sigma
+    if series.ways >= 0:
+        h = shortened(c, order, stride, series.ways, h)
     if in_sigma:
         for _ in range(counts[SHORTER]):
             h *= 0.5

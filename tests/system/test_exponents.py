@@ -1,0 +1,116 @@
+"""Forces that are next to nothing for most of a period, then a pulse: each way to follow a motion meets the pulse.
+
+The motion ``x' = -x + A g(s - C)`` is the integral of the pulse, weighted by the decay since.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import sympy
+from scipy.integrate import quad
+
+from saltus import HybridSystem, continue_orbit, find_orbit, run_sweep, simulate
+from saltus.options import SweepOptions
+from saltus.system.exponents import Exponent, exponent_of, exponents_in
+
+TURN = 2.0 * math.pi
+CENTRES = (0.4, 1.5, 3.0, 4.0, 5.5)
+"""Phases of the pulse: behind a short rest, and behind a long one in which the steps grow."""
+
+PULSES = {
+    "gauss": ("exp({K}*(cos({u}) - 1))", lambda u, k: math.exp(k * (math.cos(u) - 1.0)), (60.0, 300.0, 10_000.0)),
+    "logistic": (
+        "1/(1 + exp(-{K}*(cos({u}) - 0.99)))",
+        lambda u, k: 1.0 / (1.0 + math.exp(-k * (math.cos(u) - 0.99))),
+        (100.0, 300.0),
+    ),
+    "tanh": ("1 + tanh({K}*(cos({u}) - 0.99))", lambda u, k: 1.0 + math.tanh(k * (math.cos(u) - 0.99)), (100.0, 900.0)),
+    "cosh": ("1/cosh({K}*(1 - cos({u})))", lambda u, k: 1.0 / math.cosh(k * (1.0 - math.cos(u))), (60.0, 300.0)),
+    "base": ("2**({K}*(cos({u}) - 1))", lambda u, k: 2.0 ** (k * (math.cos(u) - 1.0)), (500.0,)),
+}
+
+HIGH = {
+    "even power": ("cos({u})**80", lambda u, _: math.cos(u) ** 80),
+    "broken power": ("((1 + cos({u}))/2 + 1e-9)**400.5", lambda u, _: ((1.0 + math.cos(u)) / 2.0 + 1e-9) ** 400.5),
+    "erf": ("1 + erf(100*(cos({u}) - 0.99))", lambda u, _: math.erf(100.0 * (math.cos(u) - 0.99)) + 1.0),
+}
+
+
+def pulsed(formula):
+    """Return a decaying state with a pulse of amplitude A around the phase C, of sharpness K."""
+    force = formula.format(K="K", u="s - C")
+    return HybridSystem.smooth({"x": f"-x + A*({force})"}, {"A": 1.0, "C": 1.0, "K": 60.0}, phase=("s", "1"))
+
+
+def settled(pulse, sharpness, centre):
+    """Return x at phase 0 after infinitely many periods, and after one from x = 0."""
+    middles = [centre + turn - TURN for turn in (-TURN / 2, 0.0, TURN / 2, TURN)]
+    near = (-0.5, -0.2, -0.14, -0.1, -0.05, -0.02, 0.0, 0.02, 0.05, 0.1, 0.14, 0.2, 0.5)
+    points = sorted({middle + d for middle in middles for d in near if -TURN < middle + d < 0.0})
+    one = quad(
+        lambda s: pulse(s - centre, sharpness) * math.exp(s), -TURN, 0.0, points=points, epsabs=0.0, epsrel=1e-12,
+        limit=1000,
+    )[0]  # fmt: skip
+    return one / -math.expm1(-TURN), one
+
+
+@pytest.mark.parametrize("name", PULSES)
+@pytest.mark.parametrize("lanes", [False, True], ids=["alone", "lanes"])
+def test_a_sweep_meets_the_pulse(name, lanes):
+    formula, pulse, sharps = PULSES[name]
+    system = pulsed(formula)
+    options = SweepOptions(follow="restart", discard=20, keep=3, lanes=lanes)
+    for sharpness in sharps:
+        for centre in CENTRES[::2]:
+            place = {"C": centre, "K": sharpness}
+            sweep = run_sweep(system, "A", [1.0, 2.0], parameters=place, x0=[0.0], options=options)
+            wanted = settled(pulse, sharpness, centre)[0] * np.array([1.0, 2.0])
+            np.testing.assert_allclose(sweep.points[0, :, -1, 0], wanted, rtol=3e-7, err_msg=f"{place}")
+
+
+@pytest.mark.parametrize("name", [*PULSES, *HIGH])
+def test_a_motion_and_an_orbit_meet_the_pulse(name):
+    formula, pulse, *sharps = PULSES.get(name) or HIGH[name]
+    system = pulsed(formula)
+    for sharpness in sharps[0] if sharps else (60.0,):
+        for centre in CENTRES:
+            place = {"C": centre, "K": sharpness}
+            periodic, one = settled(pulse, sharpness, centre)
+            motion = simulate(system, place, x0=[0.0], periods=1)
+            assert motion.x_end[0] == pytest.approx(one, rel=3e-9), place
+            orbit = find_orbit(system, place, x0=[0.0])
+            assert orbit.x0[0] == pytest.approx(periodic, rel=1e-9), place
+            assert orbit.multipliers[0].real == pytest.approx(math.exp(-TURN), rel=1e-9), place
+
+
+def test_a_branch_meets_a_pulse_that_moves_and_sharpens():
+    formula, pulse, _ = PULSES["gauss"]
+    system = pulsed(formula)
+    for name, place, (low, high) in (("C", {"K": 300.0}, (1.0, 6.0)), ("K", {"C": 4.0}, (20.0, 3000.0))):
+        branch = continue_orbit(find_orbit(system, place | {name: low}, x0=[0.0]), name, (low, high))
+        for i in range(0, len(branch), 4):
+            orbit = branch.solution(i)
+            wanted = settled(pulse, orbit.parameters["K"], orbit.parameters["C"])[0]
+            assert orbit.x0[0] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_pulse_of_a_state_is_met():
+    """The pulse of an oscillator's position, once a period of its own."""
+    system = HybridSystem.smooth({"a": "b", "b": "-a", "x": "-x + exp(1000*(a - 1))"}, phase=("s", "1"))
+    motion = simulate(system, x0=[math.cos(4.0), math.sin(4.0), 0.0], periods=1)
+    wanted = settled(PULSES["gauss"][1], 1000.0, 4.0)[1]
+    assert motion.x_end[2] == pytest.approx(wanted, rel=1e-8)
+
+
+def test_what_has_an_exponent():
+    x, p = sympy.symbols("x p", real=True)
+    assert exponent_of(sympy.exp(p * x), {p}) == Exponent(p * x)
+    assert exponent_of(sympy.tanh(x), {p}) == Exponent(x, rests=True)
+    assert exponent_of(x**p, {p}) is None
+    assert exponent_of(x**3, {p}) is None
+    assert exponent_of(x**80, {p}) == Exponent(80 * sympy.log(sympy.Abs(x)))
+    assert exponent_of(x**-80, {p}) is None
+    assert exponents_in([sympy.exp(p), sympy.sin(x), x * sympy.exp(x), sympy.exp(x) + 1], {p}) == [Exponent(x)]
