@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,13 @@ _LONGER = 8  # factor on the room for a mesh that had too little
 _STEADY = 3.0  # longest step, times the rate of the fastest decay, in which decayed states stay small
 _MOST_PARTS = 100_000  # parts of a step at most; a faster decay is left to the errors of steps
 _SLOW = 30.0  # decay over a segment up to which no mesh is too coarse for it
+
+
+class _Stopped(NamedTuple):
+    """The segment that cannot be followed, and whether its flow ends on the way."""
+
+    segment: int
+    blocked: bool
 
 
 def adapted(
@@ -57,13 +64,13 @@ def adapted(
     """
     from saltus.flow.kernels import implicit_segment as implicit_kernels, segment as segment_kernels
 
-    def made(adapt: Callable[..., int], most: int) -> list[NDArray[np.float64]] | int:
+    def made(adapt: Callable[..., int], most: int) -> list[NDArray[np.float64]] | _Stopped:
         meshes = []
         for index, (mode, block) in enumerate(zip(modes, blocks, strict=True)):
             x, mesh = np.ascontiguousarray(block[:-1]), np.empty(most + 1)
             count = adapt(compiled.addresses, mode, x, block[-1], p, *tolerances, mesh)
             if count < 0:
-                return index
+                return _Stopped(index, count == segment_kernels.BLOCKED)
             meshes.append(mesh[: count + 1].copy())
         return meshes
 
@@ -73,25 +80,32 @@ def adapted(
 
     most = segment_kernels.MOST_STEPS
     if implicit:
-        stiff = made(implicit_kernels.adapt, _FEW_STEPS) if may() else 0
-        if not isinstance(stiff, int):
+        stiff = made(implicit_kernels.adapt, _FEW_STEPS) if may() else None
+        if isinstance(stiff, list):
             return stiff, True
         explicit = made(segment_kernels.adapt, most)
-        return explicit if isinstance(explicit, int) else (explicit, False)
+        return (explicit, False) if isinstance(explicit, list) else explicit.segment
     room, dearer = _FEW_STEPS, worth(compiled.n)
     while True:
         explicit = made(segment_kernels.adapt, room)
-        count = room if isinstance(explicit, int) else max(map(len, explicit))
-        if not isinstance(explicit, int) and count <= FEW:
+        if isinstance(explicit, list):
+            count = max(map(len, explicit))
+            if count <= FEW:
+                break
+        elif explicit.blocked:
             break
-        few = _FEW_STEPS if isinstance(explicit, int) and room == most else min(int(count / dearer), _FEW_STEPS)
-        stiff = made(implicit_kernels.adapt, few) if few and may() else 0
-        if not isinstance(stiff, int):
+        else:
+            count = room
+        few = min(int(count / dearer), _FEW_STEPS)
+        if not isinstance(explicit, list) and room == most:
+            few = _FEW_STEPS
+        stiff = made(implicit_kernels.adapt, few) if few and may() else None
+        if isinstance(stiff, list):
             return stiff, True
-        if not isinstance(explicit, int) or room == most:
+        if isinstance(explicit, list) or room == most:
             break
         room = min(_LONGER * room, most)
-    return explicit if isinstance(explicit, int) else (explicit, False)
+    return (explicit, False) if isinstance(explicit, list) else explicit.segment
 
 
 def implicit_steps() -> NDArray[np.int64]:

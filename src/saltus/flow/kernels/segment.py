@@ -25,6 +25,8 @@ FIELD = FUNCTIONS.index("field")
 FIELD_P = FUNCTIONS.index("field_p")
 EVENT_X = FUNCTIONS.index("event_x")
 EVENT_P = FUNCTIONS.index("event_p")
+BLOCKED = -1  # what `adapt` returns where a flow ends on the way
+SHORT = -2  # where its steps are too many, or too short from the start
 MOST_STEPS = 400_000  # steps of one segment at most: a stiff one needs as many as its stability allows
 
 
@@ -147,7 +149,8 @@ def missed(segment, s, h, curve, node, x, probe, field, rtol, atol):
 def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
     """Fill `mesh` with the ends of steps from 0 to 1 whose errors are within tolerance; return their count.
 
-    -1 where the flow cannot be followed: the state is not finite, or more than the mesh holds. mesh: (count + 1,).
+    mesh: (count + 1,). `BLOCKED` where a step on the way becomes too short, as next to a singularity; `SHORT` where the
+    first step does or the steps are more than the mesh holds, as of a stiff flow.
     """
     n = x0.size
     room, block = mesh.size, stack(float64, 28 * n)
@@ -165,7 +168,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
         if 1.0 - s - h < 0.1 * h:
             h = 1.0 - s
         if h < 1e-12:
-            return -1
+            return BLOCKED if count > 0 else SHORT
         state_step(segment, s, h, x, slopes, x_end)
         error = error_norm(slopes, n, start, n, h, x, x_end, rtol, atol)
         if not error < 1e300:
@@ -180,7 +183,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
             continue
         count += 1
         if count >= room:
-            return -1
+            return SHORT
         s = 1.0 if h == 1.0 - s else s + h
         mesh[count] = s
         for e in range(n):

@@ -88,8 +88,8 @@ def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, step
             return SINGULAR
         if not size < ENDLESS_FROM:
             return ENDLESS
-        steps[:] = solutions
-        for j in range(u.size):
+        for j in range(u.size):  # an assignment of arrays would compile 4 s of messages about their shapes
+            steps[j, 0], steps[j, 1] = solutions[j, 0], solutions[j, 1]
             u[j] += solutions[j, 0]
         numbers[SIGN], numbers[LOG], numbers[SIZE], numbers[RESIDUAL] = sign, log, size, residual
         numbers[STAGE], numbers[FINE] = _STEPPED, 1.0

@@ -15,7 +15,9 @@ def resting(sizes, moves, small):
 
     sizes: (states,); moves: (n, n), whether the state of a column is in the rate of the state of a row.
     """
-    rests, largest = np.zeros(moves.shape[0], np.int64), sizes.max()
+    rests, largest = np.zeros(moves.shape[0], np.int64), 0.0
+    for e in range(sizes.size):
+        largest = max(largest, sizes[e])
     for e in range(sizes.size):
         rests[e] = 1 if sizes[e] < small * largest else 0
     again = True
@@ -61,7 +63,9 @@ def resized(lows, highs, limits, least, moves, largest, scale):
         known[e] = max(max(sizes[e], 0.01 * largest[e]), least[e])
         if lows[e] > 0.0 or highs[e] < 0.0:
             near |= min(low, high) / max(sizes[e], 1e-300) < limits[1]
-    top = max(known.max(), 1e-300)
+    top = 1e-300
+    for e in range(count):
+        top = max(top, known[e])
     # a state at rest has no size of its own, and is given one for good
     rests = resting(known, moves, limits[0])
     for e in range(count):
