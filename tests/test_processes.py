@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import subprocess
 import sys
+import threading
 import time
+from typing import ClassVar
 
 import pytest
 
@@ -135,3 +138,34 @@ def test_a_script_ends_with_processes_at_rest():
     )
     ran = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60, check=True)
     assert (ran.stdout, ran.stderr) == ("", "")
+
+
+class Watched:
+    """A piece that knows which thread made the copy for a process."""
+
+    copied_by: ClassVar[list[threading.Thread]] = []
+
+    def __reduce__(self):
+        self.copied_by.append(threading.current_thread())
+        return str, ("copied",)
+
+
+def test_pieces_are_copied_by_the_thread_that_hands_them_out(rested):
+    """The executor's own thread waits for the lock of an interpreter at work, thousands of times during an import."""
+    workers = Processes(1, "workers=1")
+    workers.submit(0, str.upper, Watched())
+    found = []
+    while not found:
+        found = workers.finished(waiting=True)
+    workers.stop()
+    assert found[0][1].result() == "COPIED"
+    assert Watched.copied_by == [threading.current_thread()]
+
+
+def test_a_piece_without_a_copy_has_the_error_as_its_outcome(rested):
+    workers = Processes(1, "workers=1")
+    workers.submit(0, lambda: None)
+    ((_, outcome),) = workers.finished(waiting=True)
+    with pytest.raises((AttributeError, pickle.PicklingError)):
+        outcome.result()
+    workers.stop()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -148,8 +149,10 @@ class Processes(Threads):
         if not self._started:
             self._start()
         try:
-            self._pending[self._executor.submit(function, *arguments)] = key
-        except RuntimeError as error:  # a worker has died
+            # packed here: the executor's thread would wait for the interpreter's lock at each import that this needs
+            piece = pickle.dumps((function, arguments))
+            self._pending[self._executor.submit(_done, piece)] = key
+        except (RuntimeError, pickle.PicklingError, AttributeError, TypeError) as error:  # a worker's death, or no copy
             refused: Future[Any] = Future()
             refused.set_exception(error)
             self._refused.append((key, refused))
@@ -161,7 +164,8 @@ class Processes(Threads):
     def finished(self, *, waiting: bool) -> list[tuple[Any, Outcome]]:
         """Return what is done, each piece once; wait for the next one, if asked to, for half a second."""
         refused, self._refused = self._refused, []
-        return refused + super().finished(waiting=waiting and not refused)
+        done = super().finished(waiting=waiting and not refused)
+        return refused + [(key, _Unpacked(outcome)) for key, outcome in done]
 
     def stop(self) -> None:
         """Let the processes rest if all work is done; otherwise tell them to stop, and wait until they are gone."""
@@ -177,6 +181,17 @@ class Processes(Threads):
         except RuntimeError:
             return False
         return True
+
+
+class _Unpacked:
+    """The outcome of a piece that was packed where it was done."""
+
+    def __init__(self, packed: Outcome) -> None:
+        self._packed = packed
+
+    def result(self) -> Any:
+        """Return it, or raise what the work raised."""
+        return pickle.loads(self._packed.result())
 
 
 class HereFirst:
@@ -275,6 +290,12 @@ def _limited(seconds: float) -> Iterator[Callable[[], bool]]:
     finally:
         told.append(_limit.passed)
         _limit.until, _limit.passed = math.inf, False
+
+
+def _done(piece: bytes) -> bytes:
+    """Do a piece of work; return its result, packed."""
+    function, arguments = pickle.loads(piece)
+    return pickle.dumps(function(*arguments))
 
 
 def _begin_worker(stop: Event) -> None:
