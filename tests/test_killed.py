@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import killed
+from selection import guarding
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="of POSIX")
 
 
-NAMES = [pytest.param(name, marks=() if name == "save" else pytest.mark.campaign) for name in killed.KINDS]
+NAMES = guarding(killed.KINDS, "save", campaign=1)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -99,6 +99,7 @@ def test_options_of_the_curve_reach_it(lever):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_curve_below_the_distance_where_an_adhesive_contact_forms(tmp_path):
     """The free motion ends at 20 nm, where it forms the contact; the curve from 19 nm has the motion beyond."""
     path = tmp_path / "jkr.toml"

@@ -101,6 +101,7 @@ def test_points_of_a_locus_are_special_points_of_independent_branches(branches, 
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 @pytest.mark.parametrize("modes", [1, 2])
 def test_every_locus_of_the_response_is_critical_all_along(branches, locus_of, modes):
     """Of orbits computed anew: multipliers at 1 or -1, or contacts without velocity."""
@@ -198,6 +199,7 @@ def test_loci_end_at_grazing_loci_that_they_are_seen_from(plane):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_closed_locus_has_the_same_points_wherever_it_starts(plane):
     """PD8 and PD9 lie on one closed curve."""
     closed = [curve for curve in plane.values() if curve.stopped[0] == "the locus is closed"]
@@ -209,6 +211,7 @@ def test_a_closed_locus_has_the_same_points_wherever_it_starts(plane):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_any_point_of_a_grazing_locus_starts_a_branch(plane):
     for curve in plane.values():
         if curve.type == "GR":

@@ -34,6 +34,7 @@ def test_a_branch_point_next_to_the_end_of_a_step_is_located(campaign):
     assert results["points"] == 2
 
 
+@pytest.mark.thorough
 @pytest.mark.campaign
 def test_random_cycles_have_the_points_that_scipy_explains(campaign):
     assert campaign.examine(campaign.drawn(0, 3, ("born",)), "born", Counter())

@@ -115,6 +115,7 @@ def test_a_device_finds_the_labels_of_the_processor(found):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_device_counts_visits_to_cells_as_the_processor_does(found):
     assert set(found["cpu_cell_labels"]) >= {4, DIVERGED}
     np.testing.assert_array_equal(found["cuda_cell_labels"], found["cpu_cell_labels"])

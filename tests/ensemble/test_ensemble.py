@@ -189,7 +189,7 @@ def starts_of(case, m, seed=1):
     return np.random.default_rng(seed).uniform(case.low, case.high, (m, len(case.low)))
 
 
-@pytest.mark.parametrize("name", guarding(CASES, *GUARDING))
+@pytest.mark.parametrize("name", guarding(CASES, *GUARDING, campaign=8))
 def test_ends_are_those_of_the_event_driven_flow(name, left_over):
     case, system = CASES[name], made(name)
     points = starts_of(case, 120)

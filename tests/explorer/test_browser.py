@@ -54,7 +54,7 @@ def kept(home) -> Session:
     return session
 
 
-@pytest.fixture(params=guarding(WINDOWS, "desk"))
+@pytest.fixture(params=guarding(WINDOWS, "desk", campaign=0))
 def window(request, chromium):
     context = chromium.new_context(viewport=WINDOWS[request.param])
     yield context
@@ -109,6 +109,7 @@ def test_a_slider_moves_a_parameter(screen):
     assert f"'ybar': {value!r}" in screen.page.get_attribute(".result-orbit2 .result", "title")
 
 
+@pytest.mark.campaign
 def test_another_branch_and_a_cascade_start_at_a_period_doubling(screen):
     screen.click_mark("PD2")
     screen.page.click(".switch")
@@ -121,6 +122,7 @@ def test_another_branch_and_a_cascade_start_at_a_period_doubling(screen):
     assert screen.errors == []
 
 
+@pytest.mark.campaign
 def test_a_locus_is_followed_and_shown_in_its_plane(screen):
     screen.click_mark("SN4")
     screen.page.click(".follow")
@@ -129,6 +131,7 @@ def test_a_locus_is_followed_and_shown_in_its_plane(screen):
     assert screen.errors == []
 
 
+@pytest.mark.campaign
 def test_basins_are_mapped_and_a_cell_is_followed(screen):
     screen.page.click("text=Basins")
     screen.page.click(".map-basins")
@@ -201,6 +204,7 @@ def test_two_pages_do_not_disturb_each_other(screen, window, address):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 @desk_alone
 def test_a_page_in_a_frame_of_another_site_works_without_cookies(window, address):
     framing = f"<iframe width=1000 height=800 src='{address}?token={TOKEN}'></iframe>".encode()
@@ -286,6 +290,7 @@ def test_a_session_is_uploaded_whatever_its_file_is_called(screen, tmp_path, kep
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_session_comes_back_after_its_server_was_killed(tmp_path, chromium):
     context = chromium.new_context()
     with served(tmp_path, "tapping-mode-1") as (address, server):

@@ -308,6 +308,7 @@ def test_data_that_no_parameters_fit_are_told_first_of_all(duffing):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_search_that_ends_in_a_local_optimum_goes_on_from_further_starts(duffing, few):
     """From here the trust region ends where the upper sheet is missed: chi2/n is about 800 there."""
     vary = {"k": (0.2, 3.0), "b": (0.05, 10.0)}

@@ -283,7 +283,7 @@ CASES = [(name, kind) for name in MODELS for kind in ("flow", "series", "second"
 VARIANTS = {"flow": (FLOW,), "series": (SERIES, 24), "second": (SECOND_DERIVATIVES, (0,))}
 
 
-@pytest.mark.parametrize(("name", "kind"), guarding(CASES, ("relay", "flow"), ("relay", "series")))
+@pytest.mark.parametrize(("name", "kind"), guarding(CASES, ("relay", "flow"), ("relay", "series"), campaign=4))
 def test_whole_modules_have_the_bits_of_numba(name, kind):
     kind, *variant = VARIANTS[kind]
     text = read_checked(source_file(kind, MODELS[name](), *variant))

@@ -97,7 +97,7 @@ def losing(Q, R, H, a0, E, c):
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("name", PROBES)
+@pytest.mark.parametrize("name", guarding(PROBES, "a tip of 9 nm", campaign=0))
 def test_where_contact_loses_energy_an_approach_jumps_from_the_critical_amplitude_on(name):
     *values, around = PROBES[name]
     model = losing(*values)

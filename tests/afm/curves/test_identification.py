@@ -52,6 +52,7 @@ def folds(tune):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_three_unknowns_are_found_by_a_distance_curve():
     curve = afm.distance_curve(lever(c_uNs_m=0.3), (6.0, 13.0))
     data = swept(curve, np.linspace(7.0, 12.5, 6))
@@ -116,6 +117,7 @@ def test_a_motion_that_only_begins_to_touch_parts_no_sheet(tune):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_viscosity_comes_back_from_a_tune_whose_way_down_begins_with_a_small_motion():
     """Noise of known size: the value is found within its error, and data above the jump are on a sheet of their own."""
 

@@ -243,6 +243,7 @@ def test_a_part_of_a_file_is_refused_wherever_it_ends(tmp_path, sweep, tune):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_flipped_bit_of_a_wave_takes_no_memory_and_spoils_no_other_file(sweep):
     """Every bit of the sizes, and every seventh of all headers: the file is refused in one line, or read."""
     content = sweep.read_bytes()

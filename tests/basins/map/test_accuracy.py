@@ -42,6 +42,7 @@ def test_labels_of_the_planes_are_where_motions_converge(accuracy):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_labels_of_the_boxes_are_where_motions_converge(accuracy):
     wrong, cells = errors_in(accuracy, 1000, planes=False)
     assert wrong <= wrong_at_most(cells, accuracy.WRONG["box"])

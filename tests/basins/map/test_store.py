@@ -398,6 +398,7 @@ def test_a_store_that_may_only_be_read_is_opened_and_told_when_it_is_to_be_writt
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_grid_is_mapped_measured_and_cut_in_a_fraction_of_its_size(well, both, tmp_path, monkeypatch):
     from saltus.basins.map.labelling import Labelling
 

@@ -246,6 +246,7 @@ def test_a_bar_counts_the_values(capsys):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_attractors_are_found_again_at_each_value_by_themselves():
     found = erosion_profile(SYSTEM, "a", [-0.2, 0.3], GRID)
     a, k = np.array([-0.2, 0.3]), found.measures.index("GIM")

@@ -84,6 +84,7 @@ class TestWhole:
         group = zarr.open_group(found["files"][1], mode="r")
         assert sorted(group.group_keys()) == sorted(f"q2={q2}" for q2 in fig10.SECTIONS)
 
+    @pytest.mark.thorough
     def test_an_interrupted_figure_keeps_its_sections_and_goes_on(self, found, tmp_path, monkeypatch):
         monkeypatch.setattr(saltus.basins.map.grid, "_LEAST", 30)
         monkeypatch.setattr(saltus.basins.map.grid, "_CHUNK", 15)

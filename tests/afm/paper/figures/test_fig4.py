@@ -127,6 +127,7 @@ def test_critical_multipliers_are_one_and_minus_one_all_along_the_loci(fig4_foun
         assert np.abs(multipliers - wanted).min(axis=1).max() < 1e-5
 
 
+@pytest.mark.thorough
 def test_the_data_file_gives_every_result_back_under_its_name(fig4_found):
     again = read_results(fig4_found["files"][0])
     assert list(again) == ["response", "responses", *LOCI] == list(fig4_found["results"])
@@ -147,6 +148,7 @@ def test_a_group_of_the_data_file_is_a_result_on_its_own(fig4_found):
         assert Locus.from_xarray(dataset.load()) == fig4_found["results"]["PD"]
 
 
+@pytest.mark.thorough
 def test_a_file_without_groups_is_told(tmp_path, fig4_found):
     path = fig4_found["results"]["PD"].save(tmp_path / "one.nc")
     with pytest.raises(InputError, match="must be a figure's data file with groups"):

@@ -17,6 +17,7 @@ from saltus import afm
 from saltus.afm.paper.figures import fig5, runner
 from saltus.afm.paper.figures.files import read_results
 from saltus.plotting.space import stretches_of
+from selection import guarding
 
 pytestmark = pytest.mark.campaign  # the whole figure
 
@@ -97,7 +98,7 @@ def test_slightly_above_the_maximum_the_response_has_no_saddle_node_and_no_conta
     assert (response.column("min_z") > A0).all()
 
 
-@pytest.mark.parametrize("beside", [-0.002, 0.002])
+@pytest.mark.parametrize("beside", guarding([-0.002, 0.002], 0.002, campaign=0))
 def test_beside_the_maximum_the_fold_comes_at_less_damping(most, repulsive, beside):
     omega = most["omega"] + beside
     way = saltus.continue_orbit(repulsive, "Omega", (omega, 1.05), directions="down")

@@ -104,6 +104,7 @@ def test_grazing_orbits_are_no_saddle_nodes(fig6_content):
         assert max(place["min_z"] for place in fig6_content[name]) < A0 - 1e-9
 
 
+@pytest.mark.thorough
 def test_both_families_of_isolines_are_there(fig6_content):
     """Several values of each damping, the other varying over most of its interval."""
     table = np.array([[place[key] for key in KEYS] for place in fig6_content["sn1"]])

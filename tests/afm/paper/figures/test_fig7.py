@@ -55,6 +55,7 @@ def test_a_portrait_is_a_whole_number_of_periods_that_closes(few):
     assert motion.x_end[:4] == pytest.approx(motion(0.0)[:4], abs=1e-6)
 
 
+@pytest.mark.thorough
 class TestWhole:
     """The whole figure, some 40 s."""
 
