@@ -42,7 +42,7 @@ def assert_alike(campaign, f, start, least, name):
 
 @pytest.mark.campaign
 @pytest.mark.parametrize(
-    "kind", guarding(["general", "odd", "plane", "ring", "dihedral", "alike"], "general", "dihedral")
+    "kind", guarding(["general", "odd", "plane", "ring", "dihedral", "alike"], "general", "dihedral", campaign=0)
 )
 def test_random_fields_have_the_points_of_a_scan_at_three_steps(campaign, kind):
     sizes = [(f, start) for _, f, start in campaign.cases(12, 7, (kind,)) if f.n in (3, 4)][:2]
@@ -63,7 +63,7 @@ def test_eigenvalues_that_cross_and_return_within_a_step_are_told(campaign, numb
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("rate", [1e-9, 1e9])
-@pytest.mark.parametrize("number", [42, 85, 173])
+@pytest.mark.parametrize("number", guarding([42, 85, 173], 42, campaign=0))
 def test_the_unit_of_time_changes_no_special_point(campaign, number, rate):
     f, start = one_of(campaign, SPREAD, number)
     other = replace(f, a=rate * f.a, v={name: rate * value for name, value in f.v.items()})
@@ -80,7 +80,7 @@ def test_five_eigenvalues_that_vanish_at_once_are_located_as_well_as_one(campaig
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("kind", ["general", "odd", "dihedral"])
+@pytest.mark.parametrize("kind", guarding(["general", "odd", "dihedral"], "dihedral", campaign=0))
 def test_random_maps_have_the_points_of_a_scan_at_three_steps(campaign, kind):
     for _, f, start in campaign.cases(2, 11, (kind,), maps=True):
         assert_alike(campaign, f, start, 0, kind)

@@ -12,7 +12,7 @@ import pytest
 import sympy
 from scipy.integrate import quad
 
-from saltus import HybridSystem, continue_orbit, find_orbit, run_sweep, simulate
+from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, run_sweep, simulate
 from saltus.options import SweepOptions
 from saltus.system.exponents import Exponent, exponent_of, exponents_in
 
@@ -108,9 +108,64 @@ def test_a_pulse_of_a_state_is_met():
 def test_what_has_an_exponent():
     x, p = sympy.symbols("x p", real=True)
     assert exponent_of(sympy.exp(p * x), {p}) == Exponent(p * x)
-    assert exponent_of(sympy.tanh(x), {p}) == Exponent(x, rests=True)
+    assert exponent_of(sympy.tanh(x), {p}) == Exponent(x, rest=45.0)
     assert exponent_of(x**p, {p}) is None
     assert exponent_of(x**3, {p}) is None
     assert exponent_of(x**80, {p}) == Exponent(80 * sympy.log(sympy.Abs(x)))
     assert exponent_of(x**-80, {p}) is None
     assert exponents_in([sympy.exp(p), sympy.sin(x), x * sympy.exp(x), sympy.exp(x) + 1], {p}) == [Exponent(x)]
+
+
+@pytest.mark.parametrize("centre", [1.5, 4.0])
+def test_a_stiff_flow_meets_the_pulse(centre):
+    """With the pulse at 1.5 the drive is exactly nothing at phase 0, where y = 0 is no invariant plane all the same."""
+    pulse = PULSES["gauss"][1]
+    system = HybridSystem.smooth(
+        {"x": "-R*(x - y)", "y": "-y + exp(K*(cos(s - C) - 1))"}, {"R": 1e6, "K": 900.0, "C": centre}, phase=("s", "1")
+    )
+    periodic, one = settled(pulse, 900.0, centre)
+    motion = simulate(system, x0=[0.0, 0.0], periods=1)
+    assert motion.implicit_steps > 0
+    assert motion.x_end[1] == pytest.approx(one, rel=1e-9)
+    orbit = find_orbit(system, x0=[0.0, 0.0])
+    assert orbit.implicit
+    assert orbit.x0[1] == pytest.approx(periodic, rel=1e-10)
+    branch = continue_orbit(orbit, "K", (300.0, 3000.0))
+    for i in range(0, len(branch), 3):
+        there = branch.solution(i)
+        assert there.x0[1] == pytest.approx(settled(pulse, there.parameters["K"], centre)[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("centre", CENTRES[1::2])
+def test_a_bump_of_a_wall_is_met(centre):
+    """A wall that comes in once a period for a moment, and sets a state that rests in motion."""
+    bump = "x - 1 + 2*exp(3000*(cos(s - C) - 1))"
+    hit = Transition("free", "free", bump, 1, {"x": "x + A"}, name="hit")
+    system = HybridSystem(
+        ("x",), {"A": 1.0, "C": centre}, {"free": Mode({"x": "-x"})}, [hit], phase=("s", "1"), name="struck"
+    )
+    motion = simulate(system, x0=[0.0], periods=3)
+    assert [event["name"] for event in motion.events if event["kind"] == "event"] == ["hit"] * 3
+    orbit = find_orbit(system, x0=[0.0])
+    assert orbit.signature == (("free", "hit"),)
+    for lanes in (False, True):
+        options = SweepOptions(follow="restart", discard=20, keep=3, lanes=lanes)
+        sweep = run_sweep(system, "A", [1.0, 2.0], x0=[0.0], options=options)
+        assert sweep.points[0, 0, -1, 0] == pytest.approx(orbit.x0[0], rel=1e-7)
+
+
+def test_an_exponent_that_jumps_ends_no_motion():
+    """The exponent jumps by 100 where x passes 0, at t = 1: from there on x falls twice as fast."""
+    system = HybridSystem.smooth({"x": "-1 - tanh(50 - 50*sign(x))"})
+    motion = simulate(system, x0=[1.0], t_end=2.0)
+    assert motion.x_end[0] == pytest.approx(-2.0, abs=1e-8)
+
+
+def test_a_steep_switch_takes_few_steps():
+    """Both sides of a logistic switch are at rest: a hundred thousand in its exponent is no hundred thousand steps."""
+    system = HybridSystem.smooth({"x": "1/(1 + exp(-1e5*sin(s))) - x"}, phase=("s", "1"))
+    motion = simulate(system, x0=[0.0], periods=1)
+    sharp = -math.expm1(-math.pi) * math.exp(-math.pi)
+    softness = math.log(2.0) / 1e5 * -math.expm1(-2.0 * math.pi)  # what the switch lets through at 2 pi, not at 0
+    assert motion.x_end[0] == pytest.approx(sharp + softness, rel=1e-7)
+    assert len(motion.step_times) < 500

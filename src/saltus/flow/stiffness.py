@@ -45,7 +45,7 @@ def may_be_implicit(compiled: Compiled, mode: int, x: NDArray[np.float64], p: ND
     if compiled.rooted[mode]:
         return False
     own, each = np.diag(compiled.linearised(mode, x, p)[1]), np.eye(x.size, dtype=np.bool_)
-    return not any(staying(compiled, mode, x, p, each[i]).any() for i in np.flatnonzero(own[:states]))
+    return not any(staying(compiled, mode, x, p, each[i], states).any() for i in np.flatnonzero(own[:states]))
 
 
 def fastest_in_words(compiled: Compiled, mode: int, x: NDArray[np.float64], p: NDArray[np.float64], states: int) -> str:

@@ -92,8 +92,8 @@ def adapted(
             count = max(map(len, explicit))
             if count <= FEW:
                 break
-        elif explicit.blocked:
-            break
+        elif explicit.blocked and max(decays(compiled, modes, blocks, p)) < FEW:
+            break  # a singularity: no decay is so fast that steps were short for it
         else:
             count = room
         few = min(int(count / dearer), _FEW_STEPS)

@@ -110,7 +110,7 @@ def nearest_to_zero(problem: Equations, survey: Survey) -> float:
     x[:count] = lows
     zeros = np.append(near, np.zeros(problem.n - count, dtype=np.bool_))
     while zeros.any():
-        stay = [staying(problem.system.compiled, mode, x, problem.extended, zeros) for mode in modes]
+        stay = [staying(problem.system.compiled, mode, x, problem.extended, zeros, count) for mode in modes]
         if np.all(stay == zeros):
             break
         zeros = np.logical_and.reduce(stay)

@@ -17,27 +17,25 @@ __all__ = ["Exponent", "exponent_of", "exponents_in"]
 
 _HIGH = 16  # power from which on it counts as a function with an exponent: a Taylor series has as many terms
 _WAY = 8.0  # way of an exponent between two places that are looked at
-_NOTHING = 800.0  # exponent below 0 from which on no coefficient makes exp more than nothing: 1e308 is e^709
-_AT_REST = 45.0  # argument at which tanh has come to rest: to 1e-39
+_ENDS = 800.0  # size of an exponent beyond which exp is nothing or infinite with any coefficient: 1e308 is e^709
+_AT_REST = 45.0  # size of an argument beyond which tanh rests: at 1 to within 1e-39
 _LEAST = -1e4  # exponents below are this, as that of 0 is
 
 
 class Exponent(NamedTuple):
-    """What a function grows with: as ``exp(value)``, or where `rests` as ``tanh(value)``, which rests far from 0."""
+    """What a function grows with, as ``exp(value)``, and the size of the value beyond which the function rests."""
 
     value: sympy.Expr
-    rests: bool = False
+    rest: float = _ENDS
 
     def weight(self, value: str) -> str:
         """Text of 1 over how far an exponent may go from its value, a text."""
-        rest = f"abs({value}) - {_AT_REST!r}" if self.rests else f"-({value}) - {_NOTHING!r}"
-        return f"1.0/max({_WAY!r}, {rest})"
+        return f"1.0/max({_WAY!r}, abs({value}) - {self.rest!r})"
 
     def way(self, one: str, other: str) -> str:
         """Text of the distance of two values, both texts, over what is allowed."""
         one, other = (f"max({value}, {_LEAST!r})" for value in (one, other))
-        nearer = f"min(abs({one}), abs({other}))" if self.rests else f"max({one}, {other})"
-        return f"abs({other} - {one})*{self.weight(nearer)}"
+        return f"abs({other} - {one})*{self.weight(f'min(abs({one}), abs({other}))')}"
 
 
 def exponent_of(function: sympy.Expr, parameters: set[sympy.Expr]) -> Exponent | None:
@@ -58,7 +56,7 @@ def exponent_of(function: sympy.Expr, parameters: set[sympy.Expr]) -> Exponent |
         case "exp" | "sinh" | "cosh":
             return Exponent(function.args[0])
         case "tanh":
-            return Exponent(function.args[0], rests=True)
+            return Exponent(function.args[0], _AT_REST)
         case "erf":
             return Exponent(-(function.args[0] ** 2))
     return None
@@ -75,4 +73,4 @@ def exponents_in(expressions: Iterable[sympy.Expr], parameters: set[sympy.Expr])
     """
     functions = {f for e in expressions for f in e.atoms(sympy.Function, sympy.Pow) if not f.free_symbols <= parameters}
     found = {exponent_of(function, parameters) for function in functions}
-    return sorted((e for e in found if e is not None), key=lambda e: (sympy.default_sort_key(e.value), e.rests))
+    return sorted((e for e in found if e is not None), key=lambda e: (sympy.default_sort_key(e.value), e.rest))

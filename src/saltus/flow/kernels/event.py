@@ -74,6 +74,7 @@ GUARD = FUNCTIONS.index("guard")
 HOP_RUN_MOST = 3  # hops in a row, each lower than rounding, from one event to itself: more are chattering
 TWICE = 1e-9  # event function, over its terms, up to which it is 0 where another one is
 SHORTEST = 1e-250  # shortest step, in the system's time; no step is below four roundings of the time either
+JUMP = 1e-10  # step, over the time since the last event, up to which an exponent that goes too far jumps
 SAFE = 0.9  # of the step at which an exponent goes as far as it may
 
 
@@ -317,7 +318,7 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
         interpolant(system, tolerances, state, mode, h, room.x_end, state.slopes, state.guess, room, dense)
     longest = longest_way(way, mode, n, system.p, dense, state.x)
     factor = min(factor, SAFE / max(longest, 1e-3))
-    if longest > 1.0:
+    if longest > 1.0 and h > JUMP * numbers[DURATION]:
         numbers[STEP] = h * max(factor, 0.2)
         return STEP_UNDERFLOW if _underflows(numbers) else DONE
     status = seek(system, tolerances, state, mode, h, room.x_end, dense, crossings, ends, fit, room.y, room.event)

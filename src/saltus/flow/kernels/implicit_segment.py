@@ -27,7 +27,7 @@ from saltus.flow.kernels.implicit_step import (
     taken,
     varied_stages,
 )
-from saltus.flow.kernels.segment import EVENT_P, EVENT_X, Segment, Sensitive
+from saltus.flow.kernels.segment import EVENT_P, EVENT_X, Segment, Sensitive, leaps
 from saltus.system.numba_tools.machine_code import cfunc, njit
 from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer
 
@@ -47,9 +47,10 @@ def _set_rates(segment, s, h, stages):
 def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
     """Fill `mesh` with the ends of steps from 0 to 1, as `saltus.flow.kernels.segment.adapt` does; return their count."""
     n, room = x0.size, mesh.size
-    block, pivots = np.empty(room_for(n) + n), np.empty(STAGES * n, np.int64)
+    block, pivots = np.empty(room_for(n) + (1 + STAGES) * n), np.empty(STAGES * n, np.int64)
     segment = Segment(pointer(functions, 0), mode, duration, pointer(p, 0), n)
-    stages, x = laid_out(pointer(block, n), pointer(pivots, 0), n), pointer(block, 0)
+    x, curve = pointer(block, 0), pointer(block, n)
+    stages = laid_out(pointer(curve, STAGES * n), pointer(pivots, 0), n)
     for e in range(n):
         x[e] = x0[e]
     mesh[0] = 0.0
@@ -66,10 +67,15 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
         if not error <= 1.0:
             h *= max(0.2, 0.9 * error**-0.125) if error < 1e300 else 0.2
             continue
+        dense_increments(n, stages.increments, curve)
+        if leaps(segment, h, curve, x):
+            h *= 0.5
+            continue
         count += 1
         s = 1.0 if h == 1.0 - s else s + h
         mesh[count] = s
-        dense_increments(n, stages.increments, stages.guess)
+        for e in range(STAGES * n):
+            stages.guess[e] = curve[e]
         for e in range(n):
             x[e] += stages.increments[(STAGES - 1) * n + e]
         before = h

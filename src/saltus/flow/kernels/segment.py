@@ -122,6 +122,7 @@ NEARBY = 1e-4  # distance of the nearest such value from the surface, as a share
 ALIKE = 0.75  # least ratio of neighbouring steps of a mesh
 VARIED = 1e2  # tolerance of the sensitivities, which vary faster, over that of the state
 PROBES = (0.46, 0.75)  # fractions of a step, between its stages, at which its dense output is checked
+JUMP = 1e-9  # step up to which an exponent that goes too far jumps
 MISSED = 1e4  # defect there, in tolerances, beyond which the step passed over something
 
 
@@ -142,7 +143,14 @@ def missed(segment, s, h, curve, node, x, probe, field, rtol, atol):
         for e in range(n):
             if not abs(probe[e] - h * field[e]) <= MISSED * (atol + rtol * abs(x[e])):
                 return True
-    return longest_way(segment.functions[WAYS], segment.mode, n, segment.p, curve, node) > 1.0
+    return leaps(segment, h, curve, node)
+
+
+@njit(**INNER)
+def leaps(segment, h, curve, node):
+    """Whether an exponent goes too far in a step, which may hide a pulse; curve and node are those of `missed`."""
+    way = segment.functions[WAYS]
+    return h > JUMP and longest_way(way, segment.mode, segment.n, segment.p, curve, node) > 1.0
 
 
 @njit(cache=True, error_model="numpy")

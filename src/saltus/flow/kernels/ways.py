@@ -32,7 +32,8 @@ def longest_way(way, mode, n, p, dense, x):
     for k in range(1, PLACES + 1):
         dense_value(dense, int64(0), n, x, int64(0), k / PLACES, after)
         call(way, mode, 0, both, 0, p, found, 0)
-        longest = max(longest, found[0])
+        if found[0] > longest:  # nan tells nothing
+            longest = found[0]
         for e in range(n):
             both[e] = after[e]
     return longest

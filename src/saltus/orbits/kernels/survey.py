@@ -8,7 +8,7 @@ import numpy as np
 from numba import int64
 
 from saltus.flow.kernels.event import AT_WRAP
-from saltus.flow.kernels.segment import EVENT_X, FIELD, Segment, dense, missed
+from saltus.flow.kernels.segment import EVENT_X, FIELD, Segment, dense, leaps, missed
 from saltus.flow.kernels.stages import dense_value
 from saltus.orbits.kernels.curve import EVENT, FINE, GUARD, OUTPUTS, Curve, Room, View, at_phase, fine, lowest
 from saltus.orbits.kernels.equation import RESET, TURN, piece_at, pointed, take_parameters, total_duration
@@ -201,13 +201,15 @@ def _followed(view, piece, curve, u, tolerances, room):
         )  # fmt: skip
     if (not piece.duration > 0.0 and piece.kind != MEAN_END) or piece.duration < 0.0:
         bad |= DURATION
-    if view.implicit != 0:
-        return bad
     for step in range(curve.count):
         a = curve.mesh[step]
         bend, node = pointer(curve.coefficients, step * 7 * n), pointer(curve.nodes, step * n)
         h = curve.mesh[step + 1] - a
-        if missed(segment, a, h, bend, node, room.x, room.probe, room.field, tolerances[0], tolerances[1]):
+        if view.implicit != 0:
+            coarse = leaps(segment, h, bend, node)
+        else:
+            coarse = missed(segment, a, h, bend, node, room.x, room.probe, room.field, tolerances[0], tolerances[1])
+        if coarse:
             return bad | COARSE
     return bad
 
