@@ -124,8 +124,18 @@ def test_a_fast_oscillation_is_told_by_its_steps(k):
 
 @pytest.mark.campaign
 def test_a_phase_that_hardly_turns_is_told_by_its_steps():
+    field = {"x": "v", "v": "(1 - x**2)*v - x + 0.1*cos(s)"}
+    cycling = HybridSystem(("x", "v"), {"w": 1e-9}, {"m": Mode(field)}, phase=("s", "w"))
     with pytest.raises(StiffnessError, match="its period is very long"):
-        find_orbit(systems_stiff(), {"k": 1.0, "w": 1e-9}, [0.0, 0.0], settle=100)
+        find_orbit(cycling, {}, [0.0, 0.1], settle=100)
+
+
+def test_a_drive_that_hardly_turns_is_followed_where_nothing_else_moves():
+    """x'' + x' + x = cos(w t), as slow as may be: x is the drive. On its way no state's zeros are an invariant plane."""
+    orbit = find_orbit(systems_stiff(), {"k": 1.0, "w": 1e-9}, [0.0, 0.0], settle=100)
+    assert orbit.implicit
+    assert orbit.x0 == pytest.approx([1.0, 0.0], abs=1e-8)
+    assert np.abs(orbit.multipliers).max() < 1e-8
 
 
 def systems_stiff():
