@@ -131,7 +131,7 @@ def test_a_phase_that_hardly_turns_is_told_by_its_steps():
 
 
 def test_a_drive_that_hardly_turns_is_followed_where_nothing_else_moves():
-    """x'' + x' + x = cos(w t), as slow as may be: x is the drive. On its way no state's zeros are an invariant plane."""
+    """x'' + x' + x = cos(w t), as slow as may be: x is the drive, and no state's zeros are an invariant plane."""
     orbit = find_orbit(systems_stiff(), {"k": 1.0, "w": 1e-9}, [0.0, 0.0], settle=100)
     assert orbit.implicit
     assert orbit.x0 == pytest.approx([1.0, 0.0], abs=1e-8)
