@@ -14,7 +14,9 @@ from scipy.integrate import quad
 
 from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, run_sweep, simulate
 from saltus.options import SweepOptions
+from saltus.system.derivatives import Symbolic
 from saltus.system.exponents import Exponent, exponent_of, exponents_in
+from saltus.system.taylor import series_of_mode
 
 TURN = 2.0 * math.pi
 CENTRES = (0.4, 1.5, 3.0, 4.0, 5.5)
@@ -169,3 +171,9 @@ def test_a_steep_switch_takes_few_steps():
     softness = math.log(2.0) / 1e5 * -math.expm1(-2.0 * math.pi)  # what the switch lets through at 2 pi, not at 0
     assert motion.x_end[0] == pytest.approx(sharp + softness, rel=1e-7)
     assert len(motion.step_times) < 500
+
+
+def test_an_exponent_of_two_functions_goes_no_further_than_either_allows():
+    both = HybridSystem.smooth({"x": "exp(9*sin(s)) + tanh(9*sin(s)) - x"}, phase=("s", "1"))
+    series = series_of_mode(Symbolic(both), 0, 4, str)
+    assert [len(set(terms)) for terms in series.ways] == [2] * 4

@@ -122,7 +122,7 @@ class _Tape:
             self.names[form.w] = self.w
             self.starts += [f"{self.w}_0 = {read(len(system.x))}", f"{self.prefix}t_0 = 0.0"]
         self.written_coefficients: dict[str, str] = {}
-        self.watched: dict[str, str] = {}
+        self.watched: dict[tuple[str, str], None] = {}  # series of exponents, and weights; one may have several
 
     def written(self) -> Series:
         s, form = self.system, self.form
@@ -152,9 +152,9 @@ class _Tape:
                 lines += [f"{x}_{k + 1} = {name}_{k}{part}" for x, name in zip(moving, slopes, strict=True)]
         constants = [f"{name} = {value}" for name, value in self.written_coefficients.items()]
         weights = [f"{self.prefix}way{i}" for i in range(len(self.watched))]
-        lines += [f"{weight} = {text}" for weight, text in zip(weights, self.watched.values(), strict=True)]
+        lines += [f"{weight} = {text}" for weight, (_, text) in zip(weights, self.watched, strict=True)]
         ways = [
-            [f"abs({name}_{k})*{weight}" for name, weight in zip(self.watched, weights, strict=True)]
+            [f"abs({name}_{k})*{weight}" for (name, _), weight in zip(self.watched, weights, strict=True)]
             for k in range(1, self.order + 1)
         ]
         return Series(constants, lines, columns, phasors, ways if self.watched else [])
@@ -234,7 +234,7 @@ class _Tape:
                     f"where its base vanishes, the series of a power {expression.exp} begins too late"
                 )
             name = self.single(exponent.value)
-            self.watched[name] = exponent.weight(f"{name}_0")
+            self.watched[name, exponent.weight(f"{name}_0")] = None
         if expression.is_Pow:
             return self.power(*expression.as_base_exp())
         argument = expression.args[0]

@@ -62,7 +62,7 @@ from saltus.flow.kernels.state import (
 )
 from saltus.flow.kernels.step import FIELD, ROUNDING, first_step, size_of_terms
 from saltus.flow.kernels.trial import attempt, interpolant
-from saltus.flow.kernels.ways import WAYS, longest_way
+from saltus.flow.kernels.ways import JUMP, WAYS, longest_way
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, PART, call, outlined, pointer, stack
@@ -74,7 +74,6 @@ GUARD = FUNCTIONS.index("guard")
 HOP_RUN_MOST = 3  # hops in a row, each lower than rounding, from one event to itself: more are chattering
 TWICE = 1e-9  # event function, over its terms, up to which it is 0 where another one is
 SHORTEST = 1e-250  # shortest step, in the system's time; no step is below four roundings of the time either
-JUMP = 1e-10  # step, over the time since the last event, up to which an exponent that goes too far jumps
 SAFE = 0.9  # of the step at which an exponent goes as far as it may
 
 

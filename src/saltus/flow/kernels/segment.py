@@ -14,7 +14,7 @@ import numpy as np
 from numba import float64, int64
 
 from saltus.flow.kernels.stages import dense_coefficients, dense_slope, dense_value, error_norm, stage
-from saltus.flow.kernels.ways import WAYS, longest_way
+from saltus.flow.kernels.ways import JUMP, WAYS, longest_way
 from saltus.flow.tableaux import NODES as C
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import njit
@@ -122,7 +122,6 @@ NEARBY = 1e-4  # distance of the nearest such value from the surface, as a share
 ALIKE = 0.75  # least ratio of neighbouring steps of a mesh
 VARIED = 1e2  # tolerance of the sensitivities, which vary faster, over that of the state
 PROBES = (0.46, 0.75)  # fractions of a step, between its stages, at which its dense output is checked
-JUMP = 1e-9  # step up to which an exponent that goes too far jumps
 MISSED = 1e4  # defect there, in tolerances, beyond which the step passed over something
 
 

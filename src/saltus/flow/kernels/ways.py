@@ -11,6 +11,7 @@ from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 
 WAYS = FUNCTIONS.index("ways")
+JUMP = 1e-10  # step, over the segment or the time since the last event, up to which an exponent that goes too far jumps
 PLACES = 4  # equal parts of a step, in each of which an exponent may go as far as `system.exponents` says
 
 
