@@ -127,16 +127,37 @@ def test_a_long_piece_is_not_done_here_while_others_start(monkeypatch):
     assert Starting.last.keys == [1, 2, 3, 4, 5]
 
 
-def test_a_script_ends_with_processes_at_rest():
-    text = (
-        "import os\n"
-        "from saltus.processes import Processes\n"
-        "workers = Processes(2, '')\n"
-        "workers.submit(0, os.getpid)\n"
-        "while not workers.finished(waiting=True): pass\n"
-        "workers.stop()\n"
-    )
-    ran = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60, check=True)
+REST = """
+import os
+from saltus.processes import Processes
+
+workers = Processes(2, "")
+workers.submit(0, os.getpid)
+while not workers.finished(waiting=True):
+    pass
+workers.stop()
+"""
+
+LATE = """
+import time
+from concurrent.futures import process
+from saltus.processes import resting
+
+def wakeup(self):
+    if not self._closed:
+        writer = self._writer
+        if process._global_shutdown:
+            time.sleep(0.5)  # the pool's thread takes the last result here
+        writer.send_bytes(b"")
+
+process._ThreadWakeup.wakeup = wakeup
+resting._pool.executor.submit(time.sleep, 0.1)
+"""
+
+
+@pytest.mark.parametrize("after", ["", LATE], ids=["no work", "a result on its way"])
+def test_a_script_ends_with_processes_at_rest(after):
+    ran = subprocess.run([sys.executable, "-c", REST + after], capture_output=True, text=True, timeout=60, check=True)
     assert (ran.stdout, ran.stderr) == ("", "")
 
 

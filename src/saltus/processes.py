@@ -99,6 +99,14 @@ class _Rest:
         if pool is not None:
             _end(pool)
 
+    def leave(self) -> None:
+        """End the processes that rest, before the interpreter does.
+
+        The interpreter's own way writes to pipes that the pool's thread may just be closing.
+        """
+        if self._pool is not None and self._pool.surroundings[0] == os.getpid():
+            self.end()
+
 
 def _end(pool: _Pool) -> None:
     pool.stop.set()
@@ -106,6 +114,7 @@ def _end(pool: _Pool) -> None:
 
 
 resting = _Rest()
+threading._register_atexit(resting.leave)  # type: ignore[attr-defined]  # called before that of concurrent.futures
 
 
 class Processes(Threads):
