@@ -24,11 +24,20 @@ def blocks(page):
 
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES if blocks(page)]
 LONG = {
-    f"docs/{name}.md" for name in ("basins", "branch-switching", "conservative", "families", "fitting", "optimisation")
+    f"docs/{name}.md"
+    for name in ("basins", "branch-switching", "conservative", "families", "fitting", "optimisation", "sweeps")
 }
 LONG |= {
     f"docs/{name}.md"
-    for name in ("afm", "afm/laws", "afm/loops", "afm/modulus", "afm/probe_and_drive", "changing_dimension")
+    for name in (
+        "afm",
+        "afm/laws",
+        "afm/loops",
+        "afm/modulus",
+        "afm/probe_and_drive",
+        "changing_dimension",
+        "theory/integrity",
+    )
 }
 
 

@@ -35,7 +35,7 @@ def test_the_pictures_of_the_laws_are_those_of_the_pages(tmp_path, monkeypatch):
     assert {path.name for path in (tmp_path / "laws").iterdir()} == {path.name for path in folder.iterdir()}
 
 
-LONG = {"07_maps", "11_critical_amplitude", "12_tip_radius", "13_laws_of_force"}
+LONG = {"05_brute_force", "07_maps", "11_critical_amplitude", "12_tip_radius", "13_laws_of_force"}
 NAMES = [path.stem for path in EXAMPLES]
 
 

@@ -50,6 +50,7 @@ def oscillator(*transitions):
     return saltus.HybridSystem(("x", "v"), {"c": 0.1}, modes, transitions, name="oscillator")
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "transitions",
     [
@@ -121,6 +122,7 @@ def test_a_motion_starts_before_an_event_of_the_phase_alone():
     assert ensemble.left_over == 0
 
 
+@pytest.mark.campaign
 def test_a_motion_starts_in_no_mode_that_lacks_a_state_which_it_has():
     system = belt()
     ensemble = Ensemble(system, {}, tolerance=1e-11, interval=1.0)

@@ -68,7 +68,11 @@ def test_a_cycle_has_the_exponent_zero():
         np.testing.assert_allclose(growth.exponents, [0.0, -2.0 * mu], atol=1e-6)
 
 
-@pytest.mark.parametrize("system", [own_states.wall(), systems.afm(1)], ids=["states of a mode's own", "cantilever"])
+@pytest.mark.parametrize(
+    "system",
+    [own_states.wall(), pytest.param(systems.afm(1), marks=pytest.mark.campaign)],
+    ids=["states of a mode's own", "cantilever"],
+)
 def test_growth_is_that_of_one_motion_at_a_time(system):
     parameter, values = ("A", [0.6, 1.0, 1.4]) if "A" in system.parameters else ("ybar", [0.1, 0.104, 0.108])
     many = ManyReturns(system, None, TOLERANCE)
@@ -84,6 +88,7 @@ def test_growth_is_that_of_one_motion_at_a_time(system):
             np.testing.assert_allclose(growth.times, alone.times, rtol=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_direction_that_a_reset_takes_away_is_left_to_others():
     """A reset to a point: no perturbation is left over."""
     lost = systems.carried_map(("x",), {"r": 3.2}, {"x": "1/2"})
@@ -91,6 +96,7 @@ def test_a_direction_that_a_reset_takes_away_is_left_to_others():
     assert ManyReturns(lost, None, TOLERANCE, exponents=2).growth([start], 4, 8) == [None]
 
 
+@pytest.mark.campaign
 def test_a_sweep_by_lanes_has_the_exponents_of_single_motions(impact_oscillator, monkeypatch):
     monkeypatch.setattr(brute_force, "_MANY_MEASURED", 1)
     monkeypatch.setattr(brute_force, "_FEWEST", 1)

@@ -111,6 +111,7 @@ def test_multipliers_keep_their_digits_as_the_period_grows_to_that_of_the_homocl
     assert "the period grows without bound" in circuit.stopped[1]
 
 
+@pytest.mark.campaign
 def test_a_cut_cycle_looks_like_one_segment(circuit: saltus.results.Branch, tmp_path) -> None:
     orbit = circuit["PD6"].orbit
     assert orbit.signature == (("m", ""),)
@@ -124,6 +125,7 @@ def test_a_cut_cycle_looks_like_one_segment(circuit: saltus.results.Branch, tmp_
     assert len(circuit.signature(-1)) == 1
 
 
+@pytest.mark.campaign
 def test_the_survey_of_a_cut_cycle_is_that_of_the_whole_one(circuit: saltus.results.Branch) -> None:
     orbit = circuit["SN4"].orbit
     problem, u = whole(orbit.problem(), orbit.unknowns)

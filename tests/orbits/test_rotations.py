@@ -164,6 +164,7 @@ def test_period_doubling_of_a_rotation_doubles_its_turns():
     assert switch_branch(point).winding == {"phi": -2}
 
 
+@pytest.mark.campaign
 def test_branch_of_junction_equilibria_closes_round_the_circle():
     found = find_equilibrium(JUNCTION, {"I": 0.5}, x0=[math.pi - 0.5 + 40.0 * math.pi])
     assert found.state[0] == pytest.approx(math.pi - math.asin(0.5), abs=1e-13)

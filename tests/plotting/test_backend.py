@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from saltus.plotting import style
+from selection import guarding
 
 CODE = """
 import sys
@@ -21,7 +22,7 @@ except InputError as error:
 """
 
 
-@pytest.mark.parametrize("named", ["nonsense", "module://nonsense"])
+@pytest.mark.parametrize("named", guarding(["nonsense", "module://nonsense"], "nonsense"))
 def test_a_backend_that_is_none_is_told(named):
     paths = os.pathsep.join(sys.path)
     environment = {**os.environ, "MPLBACKEND": named, "PYTHONPATH": paths}

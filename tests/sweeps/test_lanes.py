@@ -70,6 +70,7 @@ def test_each_lane_has_parameters_of_its_own_in_field_event_and_reset(impact_osc
     assert sum(told for _, told in followed) == len(values)
 
 
+@pytest.mark.campaign
 def test_a_system_without_a_phase_has_its_limit_cycle(followed):
     """The normal form of a Hopf bifurcation: a circle of radius sqrt(mu), round which it goes at the rate w."""
     normal = HybridSystem.smooth(
@@ -98,7 +99,11 @@ def test_lanes_find_what_single_motions_find(impact_oscillator, followed, option
     assert sum(asked for asked, _ in followed) == sum(told for _, told in followed) == count
 
 
-@pytest.mark.parametrize("system", [own_states.wall(), systems.afm(1)], ids=["states of a mode's own", "cantilever"])
+@pytest.mark.parametrize(
+    "system",
+    [own_states.wall(), pytest.param(systems.afm(1), marks=pytest.mark.campaign)],
+    ids=["states of a mode's own", "cantilever"],
+)
 def test_lanes_find_what_single_motions_find_in_several_modes(followed, system):
     parameter, values = ("A", np.linspace(0.6, 1.4, 9)) if "A" in system.parameters else ("ybar", [0.09, 0.1, 0.108])
     one, other = (
@@ -109,6 +114,7 @@ def test_lanes_find_what_single_motions_find_in_several_modes(followed, system):
     assert sum(told for _, told in followed) >= len(values) - 1
 
 
+@pytest.mark.campaign
 def test_a_section_in_every_mode_is_the_same_by_lanes(followed):
     options = {"section": Section("v", direction=-1), "quantities": ["x"], "follow": "restart", **SHORT}
     one, other = (
@@ -119,6 +125,7 @@ def test_a_section_in_every_mode_is_the_same_by_lanes(followed):
     assert sum(told for _, told in followed) == 3
 
 
+@pytest.mark.campaign
 def test_chaos_has_the_same_statistics_by_lanes(followed):
     duffing = HybridSystem.smooth(
         {"x": "v", "v": "x - x**3 - 0.25*v + A*cos(s)"}, {"A": 0.4, "w": 1.0}, phase=("s", "w")
@@ -270,6 +277,7 @@ def test_a_pulse_of_the_drive_is_met(followed):
     assert sum(told for _, told in followed) == 2
 
 
+@pytest.mark.campaign
 def test_transitions_that_share_a_surface_are_the_same_by_lanes():
     two = HybridSystem(
         ("x", "v"), {"A": 1.2, "w": 0.67, "e": 0.9},

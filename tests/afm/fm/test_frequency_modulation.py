@@ -115,6 +115,7 @@ def test_a_drive_at_the_shifted_frequency_makes_the_same_motion(lever, curve):
     assert seen["virial_eV"] == pytest.approx(curve.column("virial_eV")[row], rel=1e-4)
 
 
+@pytest.mark.campaign
 def test_curve_comes_back_from_its_file(curve, tmp_path):
     assert saltus.load(curve.save(tmp_path / "shift.nc")) == curve
     with pytest.raises(InputError, match="shift_Hz"):

@@ -70,6 +70,7 @@ def test_loss_of_a_dashpot_in_contact():
     assert found == pytest.approx(c * A**2 * omega * (share - 0.5 * math.sin(2.0 * share)) * EV, rel=1e-12)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("f", [1.0, 70.0, 2000.0])
 def test_loss_of_a_standard_linear_solid_that_stays_in_contact_is_that_of_its_loss_modulus(f):
     law, A, omega = afm.SLS(k1_N_m=2.0, k2_N_m=4.0, c_uNs_m=1.0), 2.0, 2e-3 * math.pi * f

@@ -66,8 +66,12 @@ def test_letters_tell_several_attractors_of_one_regime_apart(attractors):
             attractors.renamed(names)
 
 
-def test_names_that_are_no_texts_and_what_is_no_attractors_are_refused(attractors):
+@pytest.mark.campaign
+def test_names_that_are_no_texts_are_refused(attractors):
     with pytest.raises(InputError, match="names = 1: must be text"):
         attractors.renamed([1, 2])
+
+
+def test_what_is_no_attractors_is_refused():
     with pytest.raises(InputError, match="attractors = 3: must be an? Attractors"):
         afm.name_by_regime(3)

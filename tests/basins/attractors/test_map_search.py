@@ -66,6 +66,7 @@ def test_the_henon_map_has_one_chaotic_attractor(henon):
     assert "Attractors of Henon map" in repr(henon)
 
 
+@pytest.mark.campaign
 def test_the_basin_of_the_henon_map_is_that_of_a_plain_loop_cell_by_cell(henon):
     basins = map_basins(HENON, {}, {"x": (-2, 2, 300), "y": (-2, 2, 300)}, henon)
     x, y = np.meshgrid(*basins.grid.axes, indexing="ij")

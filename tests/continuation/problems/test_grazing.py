@@ -7,6 +7,7 @@ import saltus
 from own_states import wall
 from saltus import Mode, Transition
 from saltus.errors import InputError
+from selection import guarding
 from sliding import ADDING, CROSSING, GRAZING, SWITCHING, belt, harvested, limit_of_sticking, planar, relay
 
 WORDS = {"below": "M", "above": "P", "sliding": "S"}
@@ -261,7 +262,7 @@ def impacting(**options):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("amplitude", [0.4, 0.65])
+@pytest.mark.parametrize("amplitude", guarding([0.4, 0.65], 0.4))
 def test_a_condition_on_the_speed_changes_no_branch_and_no_locus(amplitude):
     found = []
     for options in ({}, {"when": "3*v"}):

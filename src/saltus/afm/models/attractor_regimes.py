@@ -41,7 +41,7 @@ def name_by_regime(attractors: Attractors) -> Attractors:
     >>> law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
     >>> orbit = find_orbit(afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=5.0), x0=[0.0, 0.0])
     >>> region = {"z1_nm": (-9.0, 9.0), "v1_nm_us": (-17.0, 17.0)}
-    >>> few = options.AttractorOptions(motions=100)
+    >>> few = options.AttractorOptions(motions=10)
     >>> name_by_regime(basins.attractors_from({"found": orbit}, region, options=few)).names
     ('repulsive',)
     """
