@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from typing import NamedTuple
 
 import numba
 import numpy as np
 import pytest
-from numba import int64
+from numba import float64, int64, types
 
-from saltus.system.numba_tools.machine_code import njit
+from saltus.ensemble.kernels.lanes import circular_sin, halley, polynomial, products
+from saltus.system.numba_tools.machine_code import Addressed, njit, shared
 from saltus.system.numba_tools.pointers import INNER, PART, keep, pointer, stack
 
 WEIGHTS = (0.3, -0.7, 1.9)
@@ -239,3 +241,34 @@ def test_a_result_that_is_an_integer_first_is_a_float():
     for x, n in CASES:
         assert lowered(x, n) == wanted(x, n)
         assert list(map(type, lowered(x, n))) == [float, tuple]
+
+
+NUMBERS = types.CPointer(float64)
+WAVE = {"error_model": "numpy", "fastmath": {"contract", "nsz"}}
+
+
+@shared(**WAVE)
+def turned(k, S, n, p, q):
+    for i in range(n):
+        g, change, slope = halley(p[0], p[1], p[2], S[i], p[3])
+        S[i] = circular_sin(S[i]) + products(S[i], p[1], p[2], p[3]) - polynomial(g, p[0], change, slope)
+    return n - k
+
+
+def test_a_function_called_by_its_address_is_that_of_numba_bit_by_bit():
+    address = Addressed(turned, (int64, NUMBERS, int64, NUMBERS, NUMBERS)).address
+    pointer_type = ctypes.POINTER(ctypes.c_double)
+    by_address = ctypes.CFUNCTYPE(
+        ctypes.c_int64, ctypes.c_int64, pointer_type, ctypes.c_int64, pointer_type, pointer_type
+    )(address)
+
+    @numba.njit(**WAVE)
+    def by_numba(S, p):
+        return turned(3, pointer(S, 0), S.size, pointer(p, 0), pointer(p, 0))
+
+    p, one = np.array([0.1, -0.4, 1.3, 0.2]), np.linspace(-40.0, 40.0, 64)
+    other = one.copy()
+    given = [array.ctypes.data_as(pointer_type) for array in (one, p)]
+    assert by_address(3, given[0], 64, given[1], given[1]) == by_numba(other, p) == 61
+    np.testing.assert_array_equal(one.view(np.int64), other.view(np.int64))
+    assert np.isfinite(one).all()

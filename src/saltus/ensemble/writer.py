@@ -38,14 +38,14 @@ from numba import float64, int64, types
 from saltus.ensemble.kernels.lanes import FAST, SCALAR, circular_cos, circular_sin, grown, halley, ld, polynomial
 from saltus.ensemble.kernels.lanes import products, rises_again, root, short_cos, short_sin, st
 from saltus.ensemble.labels import NL
-from saltus.system.numba_tools.machine_code import cfunc, njit
+from saltus.system.numba_tools.machine_code import Addressed, shared
 
 P = types.CPointer(float64)
 inner = dict(no_cpython_wrapper=True, no_cfunc_wrapper=True)
 LANE = {"fastmath": FAST, **SCALAR}
-lane = njit(**LANE, **inner)
-scalar = njit(**SCALAR, **inner)
-CALL = int64(int64, P, int64, P, P)
+lane = shared(**LANE, **inner)
+scalar = shared(**SCALAR, **inner)
+CALL = int64, P, int64, P, P
 """
 
 
@@ -68,8 +68,8 @@ class LaneWriter(LaneText):
         yield _HEAD
         yield from texts
         yield "\n\n"
-        yield from (self._addressed(name, "SCALAR") for name in ADDRESSED)
-        yield from (self._addressed(f"step_{k}", "LANE") for k in range(len(self.pools)))
+        yield from (f"{name}_at = Addressed({name}, CALL)\n" for name in ADDRESSED)
+        yield from (f"step_{k}_at = Addressed(step_{k}, CALL)\n" for k in range(len(self.pools)))
 
     def _step(self, k: int, pool: Pool) -> str:
         """The text of a pool's steps: a loop over lanes around statements without branches."""
@@ -91,11 +91,6 @@ class LaneWriter(LaneText):
                 "",
             ]
         )
-
-    @staticmethod
-    def _addressed(name: str, options: str) -> str:
-        """Text that lets a function be called by its address."""
-        return f"{name}_at = cfunc(CALL, **{options})({name}.py_func)\n"
 
     # ---- one lane at a time ----
 

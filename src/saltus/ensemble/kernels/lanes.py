@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 from saltus.ensemble.labels import DIVERGED, DONE, FALLING, UNDECIDED
 from saltus.system.numba_tools.bits import bits_of, float_of
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import njit, shared
 from saltus.system.numba_tools.pointers import entries
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}  # rounding may differ, infinities and NaN may not
@@ -153,13 +153,13 @@ def rises_again(typingctx, *coefficients):
     return types.boolean(packed), lower
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@shared(cache=True, error_model="numpy", fastmath=FAST)
 def root(e, q):
     """About e^(-1/q), to some per cent: the bits of a number are nearly its logarithm. e > 0."""
     return float_of(int(float(bits_of(e)) * (-1.0 / q) + _BIAS * (1.0 + 1.0 / q)))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@shared(cache=True, error_model="numpy", fastmath=FAST)
 def circular_sin(x):
     """Sine by polynomials, to 4e-16 + 4e-17 |x|, without a branch."""
     turns = floor(x * _TWO_OVER_PI + 0.5)
@@ -171,7 +171,7 @@ def circular_sin(x):
     return -value if quarter >= 2.0 else value
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@shared(cache=True, error_model="numpy", fastmath=FAST)
 def circular_cos(x):
     """Cosine; see `circular_sin`."""
     turns = floor(x * _TWO_OVER_PI + 0.5)
@@ -183,7 +183,7 @@ def circular_cos(x):
     return -value if (quarter == 1.0) or (quarter == 2.0) else value
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@shared(cache=True, error_model="numpy", fastmath=FAST)
 def _sine(r):
     s = r * r
     t = -7.647163731819816e-13 * s + 1.605904383682161e-10
@@ -195,7 +195,7 @@ def _sine(r):
     return r + r * s * t
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@shared(cache=True, error_model="numpy", fastmath=FAST)
 def _cosine(r):
     s = r * r
     t = 4.779477332387385e-14 * s - 1.147074559772973e-11
@@ -208,7 +208,7 @@ def _cosine(r):
     return 1.0 + s * t
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@shared(cache=True, error_model="numpy", fastmath=FAST)
 def short_sin(x):
     """Sine of |x| <= pi, to 1e-15, from that of its quarter."""
     s, c = _sine(0.25 * x), _cosine(0.25 * x)
@@ -216,14 +216,14 @@ def short_sin(x):
     return 2.0 * half * (1.0 - 2.0 * s * s)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@shared(cache=True, error_model="numpy", fastmath=FAST)
 def short_cos(x):
     """Cosine of |x| <= pi; see `short_sin`."""
     half = 2.0 * _sine(0.25 * x) * _cosine(0.25 * x)
     return 1.0 - 2.0 * half * half
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@shared(cache=True, error_model="numpy", fastmath=FAST)
 def grown(x):
     """Exponential of |x| < 1.5, to 1e-15 of 1, without a branch."""
     y = 0.0625 * x

@@ -20,10 +20,12 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
+from numba.core import fastmathpass
 from numba.core.callconv import create_error_model
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
+from saltus.system.numba_tools import lowering
 from saltus.system.numba_tools.inner_statements import Lowering, WidenedError
 from saltus.system.numba_tools.inner_values import flat, handed, key_of, numba_type, of_key, parts, taken, unpacked
 
@@ -64,7 +66,10 @@ class Inner:
 
     @cached_property
     def tree(self) -> ast.FunctionDef:
-        """The syntax tree."""
+        """The syntax tree; the text is that of the file, or the global name ``TEXT``."""
+        text = self.function.__globals__.get("TEXT")
+        if text is not None:
+            return lowering.function_in(text, self.function.__name__)
         found = ast.parse(textwrap.dedent(inspect.getsource(self.function))).body[0]
         assert isinstance(found, ast.FunctionDef)
         return found
@@ -122,7 +127,25 @@ class Inner:
         if self.pasted:
             code.attributes.add("alwaysinline")
         Lowering(context, self, code, self._widened[key], returned).lower(self._named(key, code.args))
+        if self.fast:
+            fastmathpass.FastFloatBinOpVisitor(self.fast).visit_Function(code)
         return code
+
+    def library(self, kinds: Sequence[Any], symbol: str) -> Any:
+        """Return a library of Numba's with the function, compiled for arguments of some types.
+
+        The caller holds Numba's lock.
+        """
+        context = _context()
+        library = context.codegen().create_library(symbol)
+        library.enable_object_caching()
+        module = library.create_ir_module(symbol)
+        with context.push_code_library(library):
+            code = self._written(context, module, tuple(key_of(kind) for kind in kinds))
+        code.name, code.linkage = symbol, ""
+        library.add_ir_module(module)
+        library.finalize()
+        return library
 
     def _named(self, key: Any, values: Iterable[Any]) -> dict[str, Any]:
         rest = iter(values)

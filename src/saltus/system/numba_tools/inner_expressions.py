@@ -30,6 +30,7 @@ from saltus.system.numba_tools.inner_values import (
     numba_type,
     of_key,
     parts,
+    taken,
 )
 
 __all__ = ["Expressions"]
@@ -315,12 +316,20 @@ class Expressions(Numbers):
     def _intrinsic(self, thing: Any, arguments: Sequence[Any]) -> Any:
         given = [Scalar(types.CPointer(a.key.dtype), a.data) if isinstance(a, Array) else a for a in arguments]
         signature, lower = thing._defn(None, *[numba_type(value.key) for value in given])
+        if signature.args and isinstance(signature.args[-1], types.StarArgTuple | types.StarArgUniTuple):
+            given = self._starred(given, signature.args[-1])
         values = [self._converted(value, kind).value if kind in WIDTH else value.value
                   for value, kind in zip(given, signature.args, strict=True)]  # fmt: skip
         found = lower(self._context, self._builder, signature, values)
-        return (
-            Scalar(NONE, None) if signature.return_type in (types.void, NONE) else Scalar(signature.return_type, found)
-        )
+        if signature.return_type in (types.void, NONE):
+            return Scalar(NONE, None)
+        return taken(self._context, self._builder, signature.return_type, found)
+
+    def _starred(self, given: Sequence[Any], kind: Any) -> list[Any]:
+        """Return the arguments of an intrinsic whose last ones are one tuple of a type."""
+        fixed = len(given) - len(kind.types)
+        row = [self._converted(*pair).value for pair in zip(given[fixed:], kind.types, strict=True)]
+        return [*given[:fixed], Scalar(kind, self._context.make_tuple(self._builder, kind, row))]
 
     def _dispatched(self, thing: Any, arguments: Sequence[Any]) -> Any:
         """Call a function of Numba's that returns a float; where it raises, that is NaN."""

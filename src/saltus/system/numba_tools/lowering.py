@@ -15,7 +15,7 @@ import itertools
 import math
 import operator
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 from llvmlite import ir
@@ -24,7 +24,7 @@ from numba.core import fastmathpass
 from numba.core.cpu_options import FastMathOptions
 from numba.core.registry import cpu_target
 
-__all__ = ["code_of", "library_of"]
+__all__ = ["code_of", "function_in", "library_of"]
 
 _DOUBLE = ir.DoubleType()
 _INTEGER = ir.IntType(64)
@@ -86,6 +86,17 @@ def _context() -> Any:
     context = cpu_target.target_context
     context.refresh()
     return context
+
+
+def function_in(text: bytes, name: str) -> ast.FunctionDef:
+    """Return the syntax tree of a function of a module's text."""
+    (found,) = (node for node in _parsed(text).body if isinstance(node, ast.FunctionDef) and node.name == name)
+    return found
+
+
+@lru_cache(maxsize=1)
+def _parsed(text: bytes) -> ast.Module:
+    return ast.parse(text)
 
 
 class _Lowering:

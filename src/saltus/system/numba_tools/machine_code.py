@@ -8,12 +8,11 @@ it calls, whose code it holds. What does not match is compiled and written anew.
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import pickle
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from types import FunctionType
@@ -32,7 +31,7 @@ from numba.core.serialize import dumps
 from saltus.system.cache import read_checked, warn_not_kept, write_checked
 from saltus.system.numba_tools import inner, inner_expressions, inner_numbers, inner_statements, inner_values, lowering
 
-__all__ = ["LOWERED", "Generated", "cfunc", "generated", "keep_checked", "njit"]
+__all__ = ["LOWERED", "Addressed", "Generated", "cfunc", "generated", "keep_checked", "njit", "shared"]
 
 _LOWERED_BY = tuple(
     str(module.__file__) for module in (inner, inner_expressions, inner_numbers, inner_statements, inner_values)
@@ -50,6 +49,17 @@ def njit(**options: Any) -> Callable[[FunctionType], Any]:
     def compiled(function: FunctionType) -> Any:
         dispatcher = numba.njit(**options)(function)
         return keep_checked(dispatcher, function) if kept else dispatcher
+
+    return compiled
+
+
+def shared(**options: Any) -> Callable[[FunctionType], Any]:
+    """Return a decorator as `njit` of what inner functions call, too: there the function is an inner one."""
+
+    def compiled(function: FunctionType) -> Any:
+        dispatcher = njit(**options)(function)
+        dispatcher.inner = inner.Inner(function, False, tuple(sorted(options.get("fastmath", ()))))
+        return dispatcher
 
     return compiled
 
@@ -98,6 +108,8 @@ class Generated:
     Its text is that of the file, or the global name ``TEXT``.
     """
 
+    _kind = "generated"
+
     def __init__(self, function: FunctionType, fast: bool) -> None:
         self._function, self._fast, self._files = function, fast, _files_of(function)
         self._library: Any = None
@@ -116,31 +128,40 @@ class Generated:
         """Return the library, from the file or compiled now; the symbol has its name."""
         codegen, text = cpu_target.target_context.codegen(), self._text()
         sources = _digest(lowering.__file__), hashlib.sha256(text).hexdigest()
-        key = "generated", codegen.magic_tuple(), sources, self._fast
+        key = self._kind, codegen.magic_tuple(), sources, self._fast
         if self._files is not None and (found := self._files.load(key)) is not None:
             return codegen.unserialize_library(found)
         name = self._function.__name__
         symbol = f"{name}_{hashlib.sha256(repr((key, self._function.__module__)).encode()).hexdigest()[:16]}"
         with event.trigger_event(LOWERED, data={"name": name}):
-            library = lowering.library_of(_function_in(text, name), symbol, fast=self._fast)
+            library = self._lowered(symbol)
         if self._files is not None:
             self._files.save(key, library.serialize_using_object_code())
         return library
+
+    def _lowered(self, symbol: str) -> Any:
+        function = lowering.function_in(self._text(), self._function.__name__)
+        return lowering.library_of(function, symbol, fast=self._fast)
 
     def _text(self) -> bytes:
         text: bytes | None = self._function.__globals__.get("TEXT")
         return Path(self._function.__code__.co_filename).read_bytes() if text is None else text
 
 
-def _function_in(text: bytes, name: str) -> ast.FunctionDef:
-    """Return the syntax tree of a function of a module's text."""
-    (found,) = (node for node in _parsed(text).body if isinstance(node, ast.FunctionDef) and node.name == name)
-    return found
+class Addressed(Generated):
+    """An inner function that kernels call by its address; `shared` has made it.
 
+    Its code holds that of all functions that it calls.
+    """
 
-@lru_cache(maxsize=1)
-def _parsed(text: bytes) -> ast.Module:
-    return ast.parse(text)
+    _kind = "addressed"
+
+    def __init__(self, function: Any, kinds: Sequence[Any]) -> None:
+        super().__init__(function.py_func, bool(function.inner.fast))
+        self._inner, self._kinds = function.inner, kinds
+
+    def _lowered(self, symbol: str) -> Any:
+        return self._inner.library(self._kinds, symbol)
 
 
 class _Callback(CFunc):
@@ -227,7 +248,8 @@ def _with_called(function: FunctionType) -> Iterator[FunctionType]:
         function = waiting.pop()
         yield function
         for name in function.__code__.co_names:
-            called = getattr(function.__globals__.get(name), "py_func", None)
+            thing = function.__globals__.get(name)
+            called = getattr(thing, "py_func", None) or getattr(thing, "_defn", None)
             if isinstance(called, FunctionType) and called not in found:
                 found.add(called)
                 waiting.append(called)
