@@ -200,7 +200,7 @@ def test_the_makers_map_is_what_the_makers_own_reader_has():
     reading = pytest.importorskip("NSFopen.read")
     maker = Path(reading.__file__).parents[1] / "example" / "Force_Spectroscopy" / "spectroscopy.nid"
     wanted = reading.nid_read(str(maker), dataframe=False).data["Spec"]
-    found = {column.name: column for column in READERS[".nid"](maker)}
+    found = {column.name: column for column in READERS[".nid"](maker).columns}
     assert list(found) == [
         f"Spec {way}: {name}" for way in ("forward", "backward") for name in ("Dim0", "Deflection", "Z-Axis Sensor")
     ]

@@ -37,7 +37,7 @@ class _Place(NamedTuple):
     """Where the numbers of a channel of a curve are, and where its ways begin and end."""
 
     at: int
-    count: int
+    size: int
     ways: tuple[int, int, int]
 
 
@@ -168,11 +168,11 @@ def _columns(path: Path, name: str, unit: str, places: list[_Place]) -> list[Fil
             read: NDArray[np.float64] = parsed(path, _KIND, lambda _: _numbers(path, places[at]))
             return read[parts[at]]
 
-        sizes = [len(range(*part.indices(place.count))) for part, place in zip(parts, places, strict=True)]
+        sizes = [len(range(*part.indices(place.size))) for part, place in zip(parts, places, strict=True)]
         return Lines(sizes, line)
 
     columns = [FileColumn(name, unit or None, lines([slice(None)] * len(places)))]
-    if all(begin < turn < end == place.count - 1 for place in places for begin, turn, end in [place.ways]):
+    if all(begin < turn < end == place.size - 1 for place in places for begin, turn, end in [place.ways]):
         there = [slice(place.ways[0], place.ways[1]) for place in places]
         back = [slice(place.ways[1], None) for place in places]
         columns += [FileColumn(f"approach: {name}", unit or None, lines(there))]
@@ -185,4 +185,4 @@ def _numbers(path: Path, place: _Place) -> NDArray[np.float64]:
     with _mapped(path) as content:
         _element(content, place.at, b"VDAT")
         begin = place.at + _DATA
-        return np.frombuffer(content[begin : begin + 4 * place.count], "<f4").astype(float)
+        return np.frombuffer(content[begin : begin + 4 * place.size], "<f4").astype(float)

@@ -17,9 +17,12 @@ _CALIBRATION = {
     "f0_kHz": ("ThermalFrequency", "Hz", "kHz"),
     "Q": ("ThermalQ", "", ""),
 }  # by the entry, its unit, the unit wanted
-_TOLD = re.compile(r"^(InvOLS|AmpInvOLS|Amp2InvOLS|SpringConstant|Thermal|Tune|Drive(Freq|Amp)|FreeAir|PhaseOffset|.*LVDTSens$|"
-                   r".*PiezoSens$|ImagingMode|MicroscopeModel|Date|Time$|Indexes|Direction|TriggerPoint|TriggerChannel|"
-                   r"ApproachVelocity|RetractVelocity|NumPtsPerSec|ForceDist|Version|ResFreq)")  # fmt: skip
+_TOLD = re.compile(
+    r"(Amp2?)?InvOLS|SpringConstant|Thermal(Q|Frequency|Temperature|DC|WhiteNoise)|Tune(Freq|Q|Peak)Result|"
+    r"Drive(Frequency|Amplitude)1?|FreeAir(Amplitude|Phase)2?|PhaseOffset1?|.*(LVDT|Piezo)Sens|ImagingMode|"
+    r"MicroscopeModel|Date|Time|Indexes|Direction|Trigger(Point|Channel)|(Approach|Retract)Velocity|NumPtsPerSec|"
+    r"ForceDist|Version|ResFreq[12]"
+)  # entries that are kept
 _NAMES = {1.0: "approach", -1.0: "retract"}
 
 
@@ -44,7 +47,7 @@ def calibration_of(entries: Mapping[str, str]) -> dict[str, float]:
 
 def told_of(entries: Mapping[str, str]) -> dict[str, str]:
     """Return the entries that say how a curve was measured."""
-    return {name: value for name, value in entries.items() if _TOLD.match(name)}
+    return {name: value for name, value in entries.items() if _TOLD.fullmatch(name)}
 
 
 def ways_of(entries: Mapping[str, str], size: int) -> dict[str, slice]:

@@ -26,8 +26,10 @@ _VALUE = re.compile(
 )  # of an entry: soft scale, hard scale, hard value
 _NAME = re.compile(r'S \[[^\]]*\] "(?P<name>[^"]*)"')  # of a selection: the name that is shown
 _SECTIONS = ("Equipment list", "Scanner list", "Ciao scan list", "Ciao force list", _CHANNEL)
-_TOLD = re.compile(r"sens|spring|frequen|freq\b|drive|amplitude|setpoint|ramp|tip|scan rate|velocity|Q factor|version|date",
-                   re.IGNORECASE)  # fmt: skip
+_TOLD = re.compile(
+    r"sens|spring|frequen|freq\b|drive|amplitude|setpoint|ramp|tip|scan rate|velocity|q factor|version|date",
+    re.IGNORECASE,
+)  # in the names of entries that are kept
 _CALIBRATION = {
     "k_N_m": ("Spring Constant", "N/m", "N/m"),
     "R_nm": ("Tip Radius", "nm", "nm"),

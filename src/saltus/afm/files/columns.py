@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, overload
 
-import numpy as np
 from numpy.typing import NDArray
 
 from saltus.afm.files.unit_conversion import factor_between

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from saltus.afm.files.columns import FileColumn, FileContents, bounded, parsed, whole
 from saltus.errors import InputError
@@ -39,7 +40,7 @@ class _Object:
         found = self.parts.get(name)
         return found.text("unitstr") if isinstance(found, _Object) else ""
 
-    def numbers(self, name: str) -> np.ndarray:
+    def numbers(self, name: str) -> NDArray[np.float64]:
         """Return a component that is an array of numbers."""
         found = self.parts.get(name)
         if not isinstance(found, np.ndarray) or found.dtype.kind != "f":
@@ -134,7 +135,8 @@ def _read(path: Path) -> FileContents:
     for name, part in sorted(top.parts.items()):
         if isinstance(part, _Object) and part.kind in ("GwyGraphModel", "GwySpectra"):
             known = [column.name for column in columns]
-            columns += [_renamed(column, known) for column in (_graph if part.kind == "GwyGraphModel" else _spectra)(part)]
+            found = _graph(part) if part.kind == "GwyGraphModel" else _spectra(part)
+            columns += [_renamed(column, known) for column in found]
         elif isinstance(part, _Object) and name.endswith("meta"):
             constants |= {key: bounded(value) for key, value in part.parts.items() if isinstance(value, str)}
     return FileContents("curves of Gwyddion", tuple(columns), constants)

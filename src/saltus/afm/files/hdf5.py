@@ -42,13 +42,15 @@ def check_room(dataset: Any) -> None:
     if size > _MOST:
         raise ValueError(f"{dataset.name} has {size:,} bytes, more than {_MOST:,}")
     if dataset.chunks is None:
-        if size > dataset.id.get_storage_size() or size > Path(dataset.file.filename).stat().st_size:
-            raise ValueError(f"{dataset.name} has {size:,} bytes, and the file stores {dataset.id.get_storage_size():,}")
+        stored = min(dataset.id.get_storage_size(), Path(dataset.file.filename).stat().st_size)
+        if size > stored:
+            raise ValueError(f"{dataset.name} has {size:,} bytes, and the file stores {stored:,}")
         return
     chunk = math.prod(dataset.chunks) * dataset.dtype.itemsize
     wanted = math.prod(-(-n // m) for n, m in zip(dataset.shape, dataset.chunks, strict=True))
-    if chunk > _MOST or dataset.id.get_num_chunks() < wanted:
-        raise ValueError(f"{dataset.name} has {wanted} chunks of {chunk:,} bytes, and the file {dataset.id.get_num_chunks()}")
+    stored = dataset.id.get_num_chunks()
+    if chunk > _MOST or stored < wanted:
+        raise ValueError(f"{dataset.name} has {wanted:,} chunks of {chunk:,} bytes, and the file stores {stored:,}")
 
 
 def read_hdf5(path: Path) -> FileContents:
@@ -92,7 +94,8 @@ def _read(path: Path) -> FileContents:
 
 def _column(path: Path, name: str, unit: str | None, places: list[tuple[tuple[int, ...], str, int]]) -> FileColumn:
     def line(at: int) -> NDArray[np.float64]:
-        return parsed(path, _KIND, lambda _: _numbers(path, places[at][1]))
+        read: NDArray[np.float64] = parsed(path, _KIND, lambda _: _numbers(path, places[at][1]))
+        return read
 
     return FileColumn(name, unit, Lines([size for _, _, size in places], line))
 
@@ -100,7 +103,8 @@ def _column(path: Path, name: str, unit: str | None, places: list[tuple[tuple[in
 def _numbers(path: Path, name: str) -> NDArray[np.float64]:
     with opened(path) as file:
         check_room(file[name])
-        return np.asarray(file[name]).astype(float)
+        stored: NDArray[np.float64] = np.asarray(file[name]).astype(float)
+        return stored
 
 
 def _in_ways(columns: list[FileColumn]) -> list[FileColumn]:

@@ -205,7 +205,7 @@ def _chain(entries: Mapping[str, str], channel: str, slot: str) -> list[str]:
     """Return the scalings that lead from the stored unit of a channel to another."""
     start = f"channel.{channel}.conversion-set"
     base = entries.get(f"{start}.conversions.base", "")
-    at, found = slot or entries.get(f"{start}.conversions.default", base), []
+    at, found = slot or entries.get(f"{start}.conversions.default", base), list[str]()
     while at != base:
         if len(found) == _CONVERSIONS:
             raise ValueError(f"the conversions of channel {channel} do not end at {base}")

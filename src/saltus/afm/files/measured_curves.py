@@ -40,17 +40,18 @@ def read_curve(
 ) -> pd.DataFrame:
     r"""Return a measured curve from a file, as columns whose names have units.
 
-    The columns are one of ``Zc_nm``, ``f_kHz`` and ``f_Hz``; readings, as ``amplitude_nm`` and ``lag_deg``, or ``force_nN``
-    and ``deflection_nm`` of a force curve; and, if it is known, ``direction``: ``approach`` or ``retract``, ``up`` or ``down``.
+    The columns are one of ``Zc_nm``, ``f_kHz`` and ``f_Hz``; readings, as ``amplitude_nm`` and ``lag_deg``, or
+    ``force_nN`` and ``deflection_nm`` of a force curve; and, if it is known, ``direction``: ``approach`` or
+    ``retract``, ``up`` or ``down``.
 
     A CSV file with these names in its header needs no `columns`. Lines that begin with ``#`` are comments.
     `DataFrame.to_csv` with ``index=False`` writes such a file. Other headers have units in brackets.
 
     Files of instruments are those of Bruker (``.spm``, ``.pfc``, ``.000`` to ``.999``), JPK (``.jpk-force``,
     ``.jpk-force-map``, ``.jpk-qi-data``), Asylum Research (``.ARDF``, and ``.ibw``, which needs ``saltus[files]``),
-    Nanosurf (``.nid``, ``.nhf``) and Gwyddion (``.gwy``), and HDF5 files. `saltus.afm.instrument_file` lists what a file
-    has. Names are those of channels, with their way, frame or segment where there are several: ``"approach: Height"``.
-    ``"Amplitude #2"`` is the second of several curves. ``"x"`` are the scaled rows of a wave.
+    Nanosurf (``.nid``, ``.nhf``) and Gwyddion (``.gwy``), and HDF5 files. `saltus.afm.instrument_file` lists what a
+    file has. Names are those of channels, with their way, frame or segment where there are several, as
+    ``"approach: Height"``. ``"Amplitude #2"`` is the second of several curves. ``"x"`` are the scaled rows of a wave.
 
     Parameters
     ----------
@@ -65,15 +66,15 @@ def read_curve(
     Returns
     -------
     pandas.DataFrame
-        As `saltus.afm.fit` takes it. An empty cell is NaN. Where `columns` is given, ``attrs`` has ``path``, ``format``,
-        ``columns``, their ``units`` in the file, the ``constants`` of its header, and its ``calibration`` under the names
-        of `saltus.afm.instrument_file`.
+        As `saltus.afm.fit` takes it. An empty cell is NaN. Where `columns` is given, ``attrs`` has ``path``,
+        ``format``, ``columns``, their ``units`` in the file, the ``constants`` of its header, and its ``calibration``
+        under the names of `saltus.afm.instrument_file`.
 
     Raises
     ------
     InputError
-        The file cannot be read, is damaged, too large, or has no such column. A column has no unit, another unit, cells that are no
-        numbers, or another length. A package that reads the file is missing.
+        The file cannot be read, is damaged, too large, or has no such column. A column has no unit, another unit, cells
+        that are no numbers, or another length. A package that reads the file is missing.
 
     Examples
     --------
