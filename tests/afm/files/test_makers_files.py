@@ -141,7 +141,7 @@ def test_a_curve_of_jpk_goes_through_its_conversions(tmp_path, shared):
 
 def test_a_curve_of_jpk_is_what_afmformats_has(tmp_path):
     """The package wants stiffness and sensitivity in each file, and knows force and height only."""
-    afmformats = pytest.importorskip("afmformats")
+    reading = pytest.importorskip("afmformats.formats.fmt_jpk.jpk_data")
     stored = {"vDeflection": np.arange(-40, 60), "height": np.arange(100) * 7}
     channels = {
         "vDeflection": (1e-4, 0.5, (("distance", 5e-8, "m"), ("force", 0.04, "N")), "force"),
@@ -150,7 +150,6 @@ def test_a_curve_of_jpk_is_what_afmformats_has(tmp_path):
     content = jpk([[("extend", stored), ("retract", stored)]], channels=channels)
     (tmp_path / "c.jpk-force").write_bytes(content)
     columns = {one.name: one.lines[0] for one in afm.instrument_file(tmp_path / "c.jpk-force").columns}
-    reader = afmformats.formats.fmt_jpk.jpk_reader.JPKReader(tmp_path / "c.jpk-force")
     with zipfile.ZipFile(tmp_path / "c.jpk-force") as archive:
         properties = dict(line.split("=", 1) for line in archive.read(
             "segments/0/segment-header.properties").decode().splitlines())  # fmt: skip
@@ -160,10 +159,9 @@ def test_a_curve_of_jpk_is_what_afmformats_has(tmp_path):
             for conversion in ("force", "distance", "nominal", "calibrated"):
                 numeric.setdefault(f"channel.{name}.conversion-set.conversion.{conversion}.name", conversion)
             with archive.open(f"segments/0/channels/{name}.dat") as stream:
-                values, _, _ = afmformats.formats.fmt_jpk.jpk_data.load_dat_unit(
+                values, _, _ = reading.load_dat_unit(
                     stream, name=name, properties=numeric, slot=slot)  # fmt: skip
             np.testing.assert_allclose(columns[f"approach: {name}"], values, rtol=1e-14)
-    assert reader.path == tmp_path / "c.jpk-force"
 
 
 def test_a_map_of_jpk_keeps_the_lengths_of_its_curves(tmp_path):
@@ -202,7 +200,7 @@ def test_a_graph_that_gwyfile_wrote_is_read(tmp_path):
     x, y = np.linspace(0.0, 1e-7, 5), np.arange(5) * 1e-9
     curve = objects.GwyObject("GwyGraphCurveModel", {"description": "down", "xdata": x, "ydata": y})
     units = {name: objects.GwySIUnit(unitstr="m") for name in ("x_unit", "y_unit")}
-    model = objects.GwyObject("GwyGraphModel", {"title": "APD", "curves": [curve], **units})
+    model = objects.GwyObject("GwyGraphModel", {"title": "APD", "curves": [curve], **units}, {"curves": "O"})
     objects.GwyContainer({"/0/graph/graph/1": model}).tofile(str(tmp_path / "c.gwy"))
     table = afm.read_curve(tmp_path / "c.gwy", {"Zc_nm": "APD: down: x", "amplitude_nm": "APD: down"})
     assert table["Zc_nm"].to_numpy() == pytest.approx([0, 25, 50, 75, 100])
@@ -341,12 +339,16 @@ def _spoilt(folder, count):
 
 
 def test_damaged_files_are_refused_in_a_line_and_take_no_memory(tmp_path):
-    refused = _spoilt(tmp_path, 30)
-    assert all(refused[name] > 8 for name in files(tmp_path))
+    refused = _spoilt(tmp_path, 12)
+    assert all(refused[name] > 2 for name in files(tmp_path))
 
 
 @pytest.mark.campaign
 def test_hundreds_of_damaged_files_of_each_kind_are_refused_or_read(tmp_path):
-    refused = _spoilt(tmp_path, 1000)
-    assert all(refused[name] > 250 for name in files(tmp_path))
-    assert refused["c.ARDF"] > 900  # each element has a sum
+    """The peak of the process counts what HDF5 takes, too."""
+    usage = pytest.importorskip("resource")
+    before = usage.getrusage(usage.RUSAGE_SELF).ru_maxrss
+    refused = _spoilt(tmp_path, 300)
+    assert usage.getrusage(usage.RUSAGE_SELF).ru_maxrss - before < 2**18  # KiB, or bytes on a Mac
+    assert all(refused[name] > 75 for name in files(tmp_path))
+    assert refused["c.ARDF"] > 270  # each element has a sum
