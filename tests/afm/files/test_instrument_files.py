@@ -327,7 +327,7 @@ def test_columns_of_a_wave_of_asylum_have_ways_and_constants(tmp_path):
     noted = content[:4] + struct.pack("<3i", sizes[0], 0, len(note)) + content[16:behind] + note + content[behind:]
     found = afm.instrument_file(written(tmp_path / "force.ibw", noted))
     columns = {column.name: column.lines[0].tolist() for column in found.columns}
-    assert (columns["approach: Amp"], columns["retract: Amp"]) == ([5.0, 6.0], [7.0, 8.0, 9.0])
+    assert (columns["approach: Amp"], columns["retract: Amp"]) == ([1.0, 3.0], [5.0, 7.0, 9.0])
     assert found.calibration == {"k_N_m": 2.0, "invols_nm_V": 40.0}
 
 

@@ -72,6 +72,8 @@ class FileContents:
 
     Examples
     --------
+    >>> import numpy as np
+    >>> from saltus.afm.files.columns import FileColumn
     >>> column = FileColumn("approach: Height", "nm", (np.zeros(3), np.zeros(2)))
     >>> print(FileContents("a map", (column,), {"Operator": "A. N."}, {"k_N_m": 0.05}))
     a map

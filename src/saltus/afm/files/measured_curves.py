@@ -66,9 +66,9 @@ def read_curve(
     Returns
     -------
     pandas.DataFrame
-        As `saltus.afm.fit` takes it. An empty cell is NaN. Where `columns` is given, ``attrs`` has ``path``,
-        ``format``, ``columns``, their ``units`` in the file, the ``constants`` of its header, and its ``calibration``
-        under the names of `saltus.afm.instrument_file`.
+        As `saltus.afm.fit` takes it. An empty cell is NaN. Where `columns` is given, ``attrs`` tells what the file is:
+        ``path``, ``format``, ``columns`` and their ``units``. ``constants`` are entries of its header, and
+        ``calibration`` has those that `saltus.afm.instrument_file` names.
 
     Raises
     ------
