@@ -27,6 +27,7 @@ __all__ = ["read_curve"]
 _ALONG = ("Zc_nm", "f_kHz", "f_Hz")  # columns along which curves are measured
 _FORCE = {"deflection_nm": "nm", "force_nN": "nN"}  # columns of force curves, with their units
 _DIRECTION = "direction"  # column of the ways
+_TEXT = 2**28  # bytes of a text file, at most
 _WAYS = ("approach", "retract", "up", "down", "")  # what it holds
 _UNIT = re.compile(r"^\s*(.+?)[_ ]*[\(\[](.*)[\)\]]\s*$")  # a name with its unit in brackets
 _LINE = re.compile(r"(.*?)\s*#(\d+)")  # a name with the number of a curve
@@ -140,6 +141,8 @@ def _cells(path: Path) -> pd.DataFrame:
     import pandas as pd
 
     try:
+        if (size := path.stat().st_size) > _TEXT:
+            raise ValueError(f"it has {size:,} bytes, more than {_TEXT:,}")
         table = pd.read_csv(path, comment="#", skipinitialspace=True, dtype=str, keep_default_na=False)
     except (OSError, ValueError) as error:
         told = getattr(error, "strerror", None) or str(error)
