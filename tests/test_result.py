@@ -48,6 +48,13 @@ def test_a_file_says_which_version_wrote_it_and_what_it_holds(found, tmp_path):
         assert (dataset.attrs["saltus_version"], dataset.attrs["saltus_result"]) == (saltus.__version__, "Iterates")
 
 
+@pytest.mark.parametrize("name", ["a.csv", "a.PNG"])
+def test_a_name_of_another_format_is_refused(found, tmp_path, name):
+    with pytest.raises(InputError, match=r"a name of a NetCDF file, as 'result.nc'; to_xarray\(\).to_dataframe"):
+        found.save(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_file_that_was_there_is_replaced_and_a_folder_that_is_not_is_told(found, tmp_path):
     path = tmp_path / "a.nc"
     found.save(path)

@@ -79,6 +79,8 @@ def frozen(array: Any, dtype: Any = np.float64) -> Any:
     return copy
 
 
+_OTHER_FORMATS = (".csv", ".tsv", ".txt", ".json", ".xlsx", ".npz", ".npy", ".mat", ".png", ".svg", ".pdf", ".pkl")
+# suffixes of files that no result is written to
 _KNOWN: dict[str, type[Result]] = {}  # classes of other packages, by name; a class registers when it is made
 
 
@@ -141,9 +143,13 @@ class Result(ABC):
         Raises
         ------
         InputError
-            The file cannot be written, as on a full disk; one that stood there before is left as it was.
+            The file cannot be written, as on a full disk; one that stood there before is left as it was. Its name is
+            that of another format, as ``curve.csv``.
         """
         path = checks.path("path", path)
+        if path.suffix.lower() in _OTHER_FORMATS:
+            hint = "to_xarray().to_dataframe().to_csv(...) writes a table, and plot() a picture"
+            raise InputError("path", str(path), "a name of a NetCDF file, as 'result.nc'", hint)
         write_sealed(path, netcdf({"": tagged(self)}))
         return path
 

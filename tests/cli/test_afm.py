@@ -16,6 +16,7 @@ import pytest
 
 import saltus
 from commands import HEAVY, run_command
+from instrument_writers import jpk
 from saltus import afm, cli
 from saltus.afm.curves.stable_orbits import stable_orbits
 from saltus.afm.files.configuration import model_of, read_experiment
@@ -471,3 +472,26 @@ def test_what_the_table_fit_has_wrong_is_told(measured, lever, capsys, old, new,
     assert err.startswith("saltus: ")
     assert re.search(told, err)
     assert not lever.with_name("fit.nc").exists()
+
+
+# show
+
+
+def test_what_the_file_of_an_instrument_holds_is_printed(capsys, tmp_path):
+    stored = {"vDeflection": [1, 2, 3], "height": [3, 2, 1], "lockInAmplitude": [9, 9, 8]}
+    (tmp_path / "c.jpk-force").write_bytes(jpk([[("extend", stored)]]))
+    code, out, err = run_command(capsys, "afm", "show", str(tmp_path / "c.jpk-force"))
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0] == "force curves of JPK"
+    assert re.search(r"approach: vDeflection +N +3 points", out)
+    assert re.search(r"calibration +k_N_m = 0.04", out)
+
+
+def test_a_damaged_file_is_refused_in_a_line(capsys, tmp_path):
+    (tmp_path / "c.jpk-force").write_bytes(jpk([[("extend", {"vDeflection": [1]})]], channels={
+        "vDeflection": (1.0, 0.0, (), "volts")})[:-9])  # fmt: skip
+    code, out, err = run_command(capsys, "afm", "show", str(tmp_path / "c.jpk-force"))
+    assert code == 2
+    assert out == ""
+    assert re.fullmatch(r"saltus: .*c.jpk-force': must be a file of JPK with force curves; it is another file.*\n", err)

@@ -5,6 +5,8 @@ from .curves.curve import Curve as Curve
 from .curves.curves import distance_curve as distance_curve, frequency_curve as frequency_curve
 from .curves.fold_search import bistability as bistability, tip_radius as tip_radius
 from .curves.identification import fit as fit
+from .files.columns import FileContents as FileContents
+from .files.instrument_files import instrument_file as instrument_file
 from .files.measured_curves import read_curve as read_curve
 from .fm.amplitude_loop import feedback as feedback
 from .fm.frequency_modulation import frequency_shift as frequency_shift

@@ -63,7 +63,7 @@ def curve(
 def fit(
     data: Annotated[
         Path,
-        typer.Argument(metavar="DATA", help="A measured curve: .csv with units, .ibw, .nid or .nhf."),
+        typer.Argument(metavar="DATA", help="A measured curve: .csv with units, or a file of an instrument."),
     ],
     config: Annotated[Path, _CONFIG],
     out: Annotated[
@@ -86,6 +86,22 @@ def fit(
     if any(told.startswith("interrupted") for told in (found.stopped, *found.notes)):
         typer.echo("saltus: interrupted; kept the best so far", err=True)
         raise SystemExit(INTERRUPTED)
+
+
+@group.command("show", no_args_is_help=True)
+def show_file(
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="A file of an instrument: .spm, .pfc, .jpk-force, .ARDF, .ibw, .nid, ..."),
+    ],
+) -> None:
+    """Tell what the file of an instrument holds: channels, units, points, calibration constants."""
+    with interruptible():
+        from saltus.afm.files.instrument_files import instrument_file
+
+        found = instrument_file(file)
+    for line in repr(found).splitlines():
+        typer.echo(printable(line))
 
 
 def _write(found: Curve | Fit, out: Path, plot: Path | None) -> None:

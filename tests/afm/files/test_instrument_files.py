@@ -1,5 +1,6 @@
 """Files of instruments: true files, written here byte by byte or by the maker, and what is told of broken ones."""
 
+import random
 import struct
 import sys
 import tracemalloc
@@ -200,7 +201,7 @@ def test_the_makers_map_is_what_the_makers_own_reader_has():
     reading = pytest.importorskip("NSFopen.read")
     maker = Path(reading.__file__).parents[1] / "example" / "Force_Spectroscopy" / "spectroscopy.nid"
     wanted = reading.nid_read(str(maker), dataframe=False).data["Spec"]
-    found = {column.name: column for column in READERS[".nid"](maker)}
+    found = {column.name: column for column in READERS[".nid"](maker).columns}
     assert list(found) == [
         f"Spec {way}: {name}" for way in ("forward", "backward") for name in ("Dim0", "Deflection", "Z-Axis Sensor")
     ]
@@ -240,6 +241,27 @@ def test_a_part_of_a_file_is_refused_wherever_it_ends(tmp_path, sweep, tune):
             path.write_bytes(content[:cut])
             with pytest.raises(InputError, match=r"path = .*\.(ibw|nid|nhf)': must be an?"):
                 afm.read_curve(path, wanted[path.suffix], scale={"amplitude_nm": 1.0})
+
+
+@pytest.mark.parametrize("kind", ["sweep", "tune", "nhf"])
+def test_a_flipped_bit_is_refused_or_read_and_takes_no_memory(kind, tmp_path, request):
+    path = nhf(tmp_path / "spec.nhf") if kind == "nhf" else request.getfixturevalue(kind)
+    content, rng, told = path.read_bytes(), random.Random(kind), []
+    good = [column.name for column in afm.instrument_file(path).columns]
+    end = 8 * (64 + 320) if kind == "sweep" else 8 * len(content)  # of the wave its headers
+    tracemalloc.start()
+    for _ in range(40):
+        bits, place = bytearray(content), rng.randrange(end)
+        bits[place // 8] ^= 1 << place % 8
+        try:
+            afm.instrument_file(written(path.with_stem("changed"), bytes(bits)))
+        except InputError as error:
+            told.append(str(error))
+    assert tracemalloc.get_traced_memory()[1] < 2**24
+    tracemalloc.stop()
+    assert told
+    assert not any("\n" in line for line in told)
+    assert [column.name for column in afm.instrument_file(path).columns] == good
 
 
 @pytest.mark.campaign
@@ -293,6 +315,25 @@ def test_unsigned_numbers_of_a_nid_file_are_refused(tune):
     tune.write_bytes(tune.read_bytes().replace(b"SaveSign=Signed", b"SaveSign=Unsigned"))
     with pytest.raises(InputError, match="saved as Binary Unsigned Intel"):
         afm.read_curve(tune, {"f_kHz": "Dim0", "amplitude_nm": "Amplitude"})
+
+
+def test_columns_of_a_wave_of_asylum_have_ways_and_constants(tmp_path):
+    """The note follows the numbers; it says where the ways begin, and the constants of the lever."""
+    pytest.importorskip("igor2")
+    note = b"SpringConstant: 2\rInvOLS: 4e-08\rIndexes: 0,2,4\rDirection: NaN,1,-1,\r"
+    content = ibw(np.arange(10.0).reshape(5, 2), unit="m", labels=("Raw", "Amp"))
+    sizes = struct.unpack_from("<3i", content, 4)  # of header and numbers, of a formula, of the note
+    behind = 64 + sizes[0]
+    noted = content[:4] + struct.pack("<3i", sizes[0], 0, len(note)) + content[16:behind] + note + content[behind:]
+    found = afm.instrument_file(written(tmp_path / "force.ibw", noted))
+    columns = {column.name: column.lines[0].tolist() for column in found.columns}
+    assert (columns["approach: Amp"], columns["retract: Amp"]) == ([1.0, 3.0], [5.0, 7.0, 9.0])
+    assert found.calibration == {"k_N_m": 2.0, "invols_nm_V": 40.0}
+
+
+def test_a_thermal_tune_of_the_maker_has_the_constants_of_its_header():
+    maker = Path(pytest.importorskip("NSFopen").__file__).parent / "example" / "Spring_Constant" / "thermal.nid"
+    assert afm.instrument_file(maker).calibration == {"k_N_m": 27.13, "f0_kHz": 179.8, "Q": 442.0}
 
 
 def test_a_missing_package_is_told_with_the_line_that_installs_it(tmp_path, monkeypatch):

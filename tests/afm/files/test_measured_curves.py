@@ -8,6 +8,13 @@ import pytest
 from saltus import InputError, afm
 
 
+def test_a_huge_text_file_is_refused_before_it_is_read(tmp_path):
+    with open(tmp_path / "c.csv", "wb") as file:
+        file.truncate(2**28 + 1)  # a hole, which takes no disk
+    with pytest.raises(InputError, match="a CSV file that can be read; it has 268,435,457 bytes, more than"):
+        afm.read_curve(tmp_path / "c.csv")
+
+
 def test_a_written_file_is_read_back_the_same(tmp_path):
     table = pd.DataFrame(
         {"f_kHz": [299.1, 299.1 + 1e-13], "amplitude_nm": [0.1 + 0.2, float("nan")], "lag_deg": [1.0 / 3.0, -720.25],

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.afm.files.instrument_files import READERS, FileColumn
+from saltus.afm.files.columns import FileColumn, FileContents
+from saltus.afm.files.instrument_files import reader_of
 from saltus.afm.files.unit_conversion import factor_between
 from saltus.afm.models.readings import READINGS, readings_of
 from saltus.errors import InputError, nearest
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["read_curve"]
 
 _ALONG = ("Zc_nm", "f_kHz", "f_Hz")  # columns along which curves are measured
+_FORCE = {"deflection_nm": "nm", "force_nN": "nN"}  # columns of force curves, with their units
 _DIRECTION = "direction"  # column of the ways
+_TEXT = 2**28  # bytes of a text file, at most
 _WAYS = ("approach", "retract", "up", "down", "")  # what it holds
 _UNIT = re.compile(r"^\s*(.+?)[_ ]*[\(\[](.*)[\)\]]\s*$")  # a name with its unit in brackets
 _LINE = re.compile(r"(.*?)\s*#(\d+)")  # a name with the number of a curve
@@ -38,16 +41,18 @@ def read_curve(
 ) -> pd.DataFrame:
     r"""Return a measured curve from a file, as columns whose names have units.
 
-    The columns are one of ``Zc_nm``, ``f_kHz`` and ``f_Hz``; readings, as ``amplitude_nm`` and ``lag_deg``; and, if it
-    is known, ``direction``: ``approach`` or ``retract``, ``up`` or ``down``.
+    The columns are one of ``Zc_nm``, ``f_kHz`` and ``f_Hz``; readings, as ``amplitude_nm`` and ``lag_deg``, or
+    ``force_nN`` and ``deflection_nm`` of a force curve; and, if it is known, ``direction``: ``approach`` or
+    ``retract``, ``up`` or ``down``.
 
     A CSV file with these names in its header needs no `columns`. Lines that begin with ``#`` are comments.
     `DataFrame.to_csv` with ``index=False`` writes such a file. Other headers have units in brackets.
 
-    Files of instruments are ``.nid`` and ``.nhf`` of Nanosurf, and Igor binary waves (``.ibw``), which need
-    ``saltus[files]``. An error lists the columns that the file has. Names are those of channels, with their frame or
-    segment where there are several: ``"Spec forward: Amplitude"``. ``"Amplitude #2"`` is the second of several curves.
-    ``"x"`` are the scaled rows of a wave. ``"Frequency sweep: Dim0"`` is what a frame of a ``.nid`` file goes along.
+    Files of instruments are those of Bruker (``.spm``, ``.pfc``, ``.000`` to ``.999``), JPK (``.jpk-force``,
+    ``.jpk-force-map``, ``.jpk-qi-data``), Asylum Research (``.ARDF``, and ``.ibw``, which needs ``saltus[files]``),
+    Nanosurf (``.nid``, ``.nhf``) and Gwyddion (``.gwy``), and HDF5 files. `saltus.afm.instrument_file` lists what a
+    file has. Names are those of channels, with their way, frame or segment where there are several, as
+    ``"approach: Height"``. ``"Amplitude #2"`` is the second of several curves. ``"x"`` are the scaled rows of a wave.
 
     Parameters
     ----------
@@ -62,13 +67,15 @@ def read_curve(
     Returns
     -------
     pandas.DataFrame
-        As `saltus.afm.fit` takes it. An empty cell is NaN.
+        As `saltus.afm.fit` takes it. An empty cell is NaN. Where `columns` is given, ``attrs`` tells what the file is:
+        ``path``, ``format``, ``columns`` and their ``units``. ``constants`` are entries of its header, and
+        ``calibration`` has those that `saltus.afm.instrument_file` names.
 
     Raises
     ------
     InputError
-        The file cannot be read, is broken, or has no such column. A column has no unit, another unit, cells that are no
-        numbers, or another length. A package that reads the file is missing.
+        The file cannot be read, is damaged, too large, or has no such column. A column has no unit, another unit, cells
+        that are no numbers, or another length. A package that reads the file is missing.
 
     Examples
     --------
@@ -85,14 +92,16 @@ def read_curve(
 
     path = checks.path("path", path)
     factors = checks.mapping("scale", scale, "columns to factors")
-    reader = READERS.get(path.suffix.lower())
+    reader = reader_of(path)
     if reader is None:
         table = _cells(path)
         if columns is None and not factors:
             return _named(table)
-        found = [_csv_column(str(name), list(table[name])) for name in table.columns]
+        text = [_csv_column(str(name), list(table[name])) for name in table.columns]
+        held = FileContents("a text file", tuple(text))
     else:
-        found = reader(path)
+        held = reader(path)
+    found = held.columns
     if columns is None:
         raise InputError("columns", columns, f"given, by names of the file's columns: {_listed(found)}")
     wanted = checks.mapping("columns", columns, "names that are wanted to names of the file's columns")
@@ -100,12 +109,14 @@ def read_curve(
     for name in factors:
         checks.chosen("scale", name, [one for one in wanted if one != _DIRECTION])
     told: dict[str, list[str] | NDArray[np.float64]] = {}
+    units: dict[str, str | None] = {}
     for name, source in wanted.items():
         checks.text(f"columns[{name!r}]", source, "the name of a column of the file")
         if name == _DIRECTION and reader is not None:
             hint = "table.assign(direction='approach') adds it"
             raise InputError("columns", list(wanted), "without 'direction', which only text files have", hint)
         column, line = _picked(source, found)
+        units[name] = column.unit
         if name == _DIRECTION:
             told[name] = _ways(line.tolist())
             continue
@@ -113,7 +124,16 @@ def read_curve(
     sizes = {name: len(values) for name, values in told.items()}
     if len(set(sizes.values())) > 1:
         raise InputError("columns", sizes, "columns of one length", "they belong to different curves")
-    return pd.DataFrame(told)
+    table = pd.DataFrame(told)
+    table.attrs = {
+        "path": str(path),
+        "format": held.format,
+        "columns": dict(wanted),
+        "units": units,
+        "constants": dict(held.constants),
+        "calibration": dict(held.calibration),
+    }
+    return table
 
 
 def _cells(path: Path) -> pd.DataFrame:
@@ -121,6 +141,8 @@ def _cells(path: Path) -> pd.DataFrame:
     import pandas as pd
 
     try:
+        if (size := path.stat().st_size) > _TEXT:
+            raise ValueError(f"it has {size:,} bytes, more than {_TEXT:,}")
         table = pd.read_csv(path, comment="#", skipinitialspace=True, dtype=str, keep_default_na=False)
     except (OSError, ValueError) as error:
         told = getattr(error, "strerror", None) or str(error)
@@ -148,7 +170,7 @@ def _csv_column(name: str, cells: Sequence[str]) -> FileColumn:
     """Return a column of a CSV file with the unit in its header; its numbers are read when it is picked."""
     found = _UNIT.match(name)
     unit = found[2] if found else None
-    if unit is None and name in (*_ALONG, *READINGS):
+    if unit is None and name in (*_ALONG, *READINGS, *_FORCE):
         unit = _unit_of(name)
     return FileColumn(name, unit, (np.array(cells, dtype=object),))
 
@@ -200,7 +222,7 @@ def _factor(name: str, column: FileColumn, factors: Mapping[str, float], found: 
 
 def _unit_of(name: str) -> str:
     """Return the unit that the name of a curve's column has."""
-    return "Hz" if name == "f_Hz" else readings_of(name).unit
+    return "Hz" if name == "f_Hz" else _FORCE.get(name) or readings_of(name).unit
 
 
 def _listed(columns: Sequence[FileColumn]) -> str:
@@ -229,7 +251,7 @@ def _number(name: str, row: int, cell: str) -> float:
 
 def _check_names(names: Sequence[str]) -> None:
     """Raise `InputError` where the columns are not those of a curve."""
-    known = [*_ALONG, *READINGS, _DIRECTION]
+    known = [*_ALONG, *READINGS, *_FORCE, _DIRECTION]
     for name in names:
         first = re.sub(r"_[2-9]\d*$", "", name)
         if first in known:
@@ -241,5 +263,5 @@ def _check_names(names: Sequence[str]) -> None:
     along = [name for name in names if name in _ALONG]
     if len(along) != 1:
         raise InputError("columns", names, f"exactly one of {', '.join(_ALONG)}")
-    if not any(re.sub(r"_[2-9]\d*$", "", name) in READINGS for name in names):
-        raise InputError("columns", names, f"at least one reading: {', '.join(READINGS)}")
+    if not any(re.sub(r"_[2-9]\d*$", "", name) in (*READINGS, *_FORCE) for name in names):
+        raise InputError("columns", names, f"at least one reading: {', '.join((*READINGS, *_FORCE))}")

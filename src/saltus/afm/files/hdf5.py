@@ -1,0 +1,135 @@
+"""Curves of HDF5 files: each one-dimensional dataset of numbers is a column, groups with numbers are its curves."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from saltus.afm.files.columns import FileColumn, FileContents, Lines, bounded, in_ways, numbers_of, parsed
+from saltus.errors import InputError
+
+__all__ = ["check_room", "opened", "read_hdf5"]
+
+_KIND = "an HDF5 file with curves"
+_MOST = 2**28  # bytes of one dataset, at most
+_UNITS = ("unit", "units", "Unit", "Units")  # attributes that tell a dataset's unit
+_CALIBRATION = {
+    "k_N_m": ("spring constant", "N/m", "N/m"),
+    "invols_nm_V": ("sensitivity", "m/V", "nm/V"),
+}  # of afmformats, by the entry, its unit, the unit wanted
+_WAYS = {0: "approach", 1: "retract"}  # what the column `segment` of afmformats has
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[Any]:
+    """Give an HDF5 file; whatever h5py raises of a broken one comes as it is."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        yield file
+
+
+def check_room(dataset: Any) -> None:
+    """Raise `ValueError` where a dataset tells more numbers than the file has stored, or too many."""
+    size = math.prod(dataset.shape) * dataset.dtype.itemsize
+    if size > _MOST:
+        raise ValueError(f"{dataset.name} has {size:,} bytes, more than {_MOST:,}")
+    if dataset.chunks is None:
+        stored = min(dataset.id.get_storage_size(), Path(dataset.file.filename).stat().st_size)
+        if size > stored:
+            raise ValueError(f"{dataset.name} has {size:,} bytes, and the file stores {stored:,}")
+        return
+    chunk = math.prod(dataset.chunks) * dataset.dtype.itemsize
+    wanted = math.prod(-(-n // m) for n, m in zip(dataset.shape, dataset.chunks, strict=True))
+    stored = dataset.id.get_num_chunks()
+    if chunk > _MOST or stored < wanted:
+        raise ValueError(f"{dataset.name} has {wanted:,} chunks of {chunk:,} bytes, and the file stores {stored:,}")
+
+
+def read_hdf5(path: Path) -> FileContents:
+    """Return the curves of an HDF5 file with units and attributes."""
+    found: FileContents = parsed(path, _KIND, lambda name: _read(Path(name)))
+    if not found.columns:
+        raise InputError("path", str(path), _KIND, "it has no dataset of numbers in one dimension")
+    return found
+
+
+def _read(path: Path) -> FileContents:
+    import h5py
+
+    places: dict[str, list[tuple[tuple[int, ...], str, int]]] = {}
+    units: dict[str, str | None] = {}
+    with opened(path) as file:
+        constants = _attributes(file)
+        groups: list[Any] = []
+
+        def seen(_: str, item: Any) -> None:
+            if isinstance(item, h5py.Group):
+                groups.append(item)
+            elif item.ndim == 1 and item.dtype.kind in "fiu" and item.size:
+                check_room(item)
+                parts = item.name.strip("/").split("/")
+                name = ": ".join(part for part in parts if not part.isdecimal()) or item.name.strip("/")
+                numbers = tuple(int(part) for part in parts if part.isdecimal())
+                unit = next((_text(item.attrs[key]) for key in _UNITS if key in item.attrs), None)
+                if units.setdefault(name, unit) != unit:
+                    raise ValueError(f"curves of {name} have the units {units[name]} and {unit}")
+                places.setdefault(name, []).append((numbers, item.name, item.size))
+
+        file.visititems(seen)
+        for group in sorted(groups, key=lambda one: one.name):
+            for key, value in _attributes(group).items():
+                constants.setdefault(key, value)
+    columns = [_column(path, name, units[name], sorted(found)) for name, found in places.items()]
+    calibration = numbers_of(constants, _CALIBRATION) if "imaging mode" in constants else {}
+    return FileContents("an HDF5 file", tuple(columns + _in_ways(columns)), constants, calibration)
+
+
+def _column(path: Path, name: str, unit: str | None, places: list[tuple[tuple[int, ...], str, int]]) -> FileColumn:
+    def line(at: int) -> NDArray[np.float64]:
+        read: NDArray[np.float64] = parsed(path, _KIND, lambda _: _numbers(path, places[at][1]))
+        return read
+
+    return FileColumn(name, unit, Lines([size for _, _, size in places], line))
+
+
+def _numbers(path: Path, name: str) -> NDArray[np.float64]:
+    with opened(path) as file:
+        check_room(file[name])
+        stored: NDArray[np.float64] = np.asarray(file[name]).astype(float)
+        return stored
+
+
+def _in_ways(columns: list[FileColumn]) -> list[FileColumn]:
+    """Return the columns of both ways where a single curve has a column that numbers the ways."""
+    ways = next((column for column in columns if column.name == "segment" and len(column.lines) == 1), None)
+    if ways is None:
+        return []
+    numbers = ways.lines[0].astype(int)
+    parts = {}
+    for number, way in _WAYS.items():
+        rows = np.flatnonzero(numbers == number)
+        if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
+            parts[way] = slice(int(rows[0]), int(rows[-1]) + 1)
+    same = [one for one in columns if one is not ways and one.sizes == ways.sizes]
+    return in_ways(same, parts)
+
+
+def _attributes(item: Any) -> dict[str, str]:
+    """Return attributes that are texts or single numbers."""
+    found = {}
+    for key, value in item.attrs.items():
+        if np.ndim(value) == 0 and re.match(r"[^\n]{1,60}$", str(key)):
+            found[str(key)] = bounded(_text(value))
+    return found
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
