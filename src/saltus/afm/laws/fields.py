@@ -90,7 +90,7 @@ class Electrostatic(Law):
     """Force of a voltage between a conducting sphere and a conducting flat.
 
     ``F = -pi eps0 R**2/(s (s + R)) (U - U_cpd)**2``, s being the separation: ``pi eps0 R U**2/s`` near by and
-    ``pi eps0 R**2 U**2/s**2`` far away, as is exact, and up to 8 % more between. It vanishes where the bias is the
+    ``pi eps0 R**2 U**2/s**2`` far away, as is exact, and up to 5.2 % more between. It vanishes where the bias is the
     contact potential difference. No energy is lost.
 
     Parameters
