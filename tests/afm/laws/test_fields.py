@@ -80,9 +80,9 @@ def test_dipoles_attract_as_small_loops_of_current():
     moment = current * math.pi * r**2
     law = afm.MagneticDipoles(tip_A_nm2=moment, sample_A_nm2=moment, centres_nm=40.0)
     step = 0.5
-    slope = (8.0 * (inductance(z + step) - inductance(z - step)) - inductance(z + 2 * step) + inductance(z - 2 * step)) / (
-        12.0 * step
-    )
+    slope = (
+        8.0 * (inductance(z + step) - inductance(z - step)) - inductance(z + 2 * step) + inductance(z - 2 * step)
+    ) / (12.0 * step)
     assert float(law.force_nN(10.0)) == pytest.approx(current**2 * slope, rel=2e-3)
     opposed = afm.MagneticDipoles(tip_A_nm2=moment, sample_A_nm2=-moment, centres_nm=40.0)
     assert float(opposed.force_nN(10.0)) == -float(law.force_nN(10.0))

@@ -15,7 +15,10 @@ EV = 1.0 / 0.1602176634  # eV in 1 aJ
 
 
 def test_one_arm_is_the_standard_linear_solid_formula_by_formula():
-    one, solid = afm.GeneralisedMaxwell(k1_N_m=2.0, k2_N_m=[4.0], c_uNs_m=[1.0]), afm.SLS(k1_N_m=2.0, k2_N_m=4.0, c_uNs_m=1.0)
+    one, solid = (
+        afm.GeneralisedMaxwell(k1_N_m=2.0, k2_N_m=[4.0], c_uNs_m=[1.0]),
+        afm.SLS(k1_N_m=2.0, k2_N_m=4.0, c_uNs_m=1.0),
+    )
     assert (one.regions, one.crossings, one.parameters) == (solid.regions, solid.crossings, solid.parameters)
     assert (one.positive, one.contact) == (solid.positive, solid.contact)
 

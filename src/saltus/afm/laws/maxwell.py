@@ -92,9 +92,7 @@ class GeneralisedMaxwell(Law):
     @property
     def parameters(self) -> dict[str, float]:
         """Names and values of the parameters."""
-        arms = {
-            name + end: value for name in _ARMS for end, value in zip(self.ends, getattr(self, name), strict=True)
-        }
+        arms = {name + end: value for name in _ARMS for end, value in zip(self.ends, getattr(self, name), strict=True)}
         return {"k1_N_m": self.k1_N_m, **arms}
 
     @property

@@ -243,7 +243,10 @@ class SphereCone(Pressed):
     def crossings(self) -> tuple[Crossing, ...]:
         """Where contact begins and ends, and where the cone touches."""
         level = f"{'' if self.contact == '0' else self.contact} - {_join(self.half_angle_deg)!r}*R_nm".strip()
-        inner = Crossing("contact", "flank", level, -1, "cone_touches"), Crossing("flank", "contact", level, 1, "cone_off")
+        inner = (
+            Crossing("contact", "flank", level, -1, "cone_touches"),
+            Crossing("flank", "contact", level, 1, "cone_off"),
+        )
         return (*super().crossings, *inner)
 
 

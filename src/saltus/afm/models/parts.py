@@ -78,7 +78,9 @@ def _plain_law(law: Law) -> dict[str, Any]:
     if isinstance(law, UnknownLaw):
         return {"name": law.name, "values": dict(law.values)}
     values = {one.name: getattr(law, one.name) for one in fields(law)}
-    plain = {name: value for name, value in values.items() if value is None or isinstance(value, str | int | float | tuple)}
+    plain = {
+        name: value for name, value in values.items() if value is None or isinstance(value, str | int | float | tuple)
+    }
     return {"name": type(law).__name__, "values": plain}
 
 
