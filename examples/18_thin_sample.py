@@ -1,7 +1,7 @@
 """A sphere on a thin sample: the force over that on a thick one, by the law and by formulas in print.
 
-Dots are the layer's integral equation, solved on Gauss points: ``phi(t) - 1/pi int_-a^a K(t - s) phi(s) ds = q - t**2/R``
-with ``K(u) = int (1 - L(w)) cos(w u) dw`` in units of the thickness.
+Dots are the layer's integral equation, solved on Gauss points, in units of the thickness:
+``phi(t) - 1/pi int_-a^a K(t - s) phi(s) ds = q - t**2/R`` with ``K(u) = int (1 - L(w)) cos(w u) dw``.
 
     python 18_thin_sample.py [picture]
 """

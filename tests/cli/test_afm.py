@@ -23,10 +23,10 @@ from saltus.afm.files.sets import entries_of, names, text_of
 from saltus.afm.models.modelling import model
 
 LEVER = text_of("lever-s")
-LAWS = ", ".join(
-    "DMT Hertz VanDerWaals Cone FlatPunch SphereCone ThinCone ThinPunch ThinSphere SLS Dashpot KelvinVoigt"
-    " GeneralisedMaxwell JKR Neck Schwarz DLVO Hydration LennardJones Morse Electrostatic MagneticDipoles"
-    " Meniscus".split()
+LAWS = (
+    "DMT, Hertz, VanDerWaals, Cone, FlatPunch, SphereCone, ThinCone, ThinPunch, ThinSphere, SLS, Dashpot, KelvinVoigt, "
+    "GeneralisedMaxwell, JKR, Neck, Schwarz, DLVO, Hydration, LennardJones, Morse, Electrostatic, MagneticDipoles, "
+    "Meniscus"
 )
 
 

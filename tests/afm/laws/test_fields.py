@@ -22,8 +22,12 @@ def test_a_meniscus_pulls_as_a_bridge_of_its_volume(angle):
     """The bridge's rim at the radius r is where its volume is used up; its height there sets the pressure."""
     gamma, V, R, phi = 0.05, 300.0, 50.0, math.radians(angle)
     law = afm.Meniscus(gamma_N_m=gamma, V_nm3=V, on_nm=1.0, contact_angle_deg=angle)
+
+    def volume(r, D):
+        return quad(lambda x: 2.0 * math.pi * x * (D + x**2 / (2.0 * R)), 0.0, r)[0]
+
     for D in (0.0, 0.3, 2.0):
-        rim = brentq(lambda r: quad(lambda x: 2.0 * math.pi * x * (D + x**2 / (2.0 * R)), 0.0, r)[0] - V, 0.0, 1e3)
+        rim = brentq(lambda r, D=D: volume(r, D) - V, 0.0, 1e3)
         pressure = 2.0 * gamma * math.cos(phi) / (D + rim**2 / (2.0 * R))
         assert float(law.force_nN(D, "wet", R_nm=R)) == pytest.approx(-math.pi * rim**2 * pressure, rel=1e-9)
 
@@ -41,7 +45,10 @@ def test_a_meniscus_costs_the_area_between_both_ways():
 
 
 def exact_electrostatic(D, R):
-    """Force at 1 V by the images of sphere and plane: ``C = 4 pi eps0 R sinh(a) sum 1/sinh(n a)``, cosh(a) = 1 + D/R."""
+    """Force at 1 V by the images of sphere and plane.
+
+    The capacity is ``4 pi eps0 R sinh(a) sum 1/sinh(n a)`` with ``cosh(a) = 1 + D/R``.
+    """
 
     def slope(a):
         n = np.arange(1, 20000)

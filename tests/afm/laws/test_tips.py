@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -22,8 +23,8 @@ def sneddon(slope, joins, depth, a_most):
     def reached(a):
         kinks = sorted(math.asin(join / a) for join in joins if join < a)
         ends = [0.0, *kinks, math.pi / 2.0]
-        parts = zip(ends[:-1], ends[1:], strict=True)
-        return a * sum(quad(lambda x: slope(a * math.sin(x)), *part, epsabs=1e-13, epsrel=1e-12)[0] for part in parts)
+        parts = [quad(lambda x: slope(a * math.sin(x)), *part, epsabs=1e-13, epsrel=1e-12) for part in pairwise(ends)]
+        return a * sum(value for value, _ in parts)
 
     a = brentq(lambda a: reached(a) - depth, 1e-9, a_most, xtol=1e-13, rtol=1e-14)
     kinks = [join for join in joins if join < a]

@@ -81,11 +81,12 @@ class ThinSphere(_Thin):
 
     With ``x = sqrt(R h)/t`` at the depth h and the moments ``m = m0/pi`` and ``n = m2/pi``,
     ``F = 4/3 E sqrt(R) h**1.5 (1 + 2 m x + 14/3 m**2 x**2 + 8 (200 m**3 - 9 n) x**3/135
-    + 2 m (715 m**3 - 72 n) x**4/45)``. For ``nu = 0.5`` and a bonded sample the coefficients are 1.127, 1.482, 1.470 and
-    1.005. No energy is lost.
+    + 2 m (715 m**3 - 72 n) x**4/45)``. For ``nu = 0.5`` and a bonded sample the coefficients are 1.127, 1.482, 1.470
+    and 1.005. No energy is lost.
 
-    The formula of Dimitriadis et al. has 1.133, 1.283, 0.769 and 0.0975, which lacks the growth of the contact on a thin
-    sample: 5 % less force at ``x = 0.42``, 12 % at 0.69. That of Garcia and Garcia has 1.133, 1.497, 1.469 and 0.755.
+    The formula of Dimitriadis et al. has 1.133, 1.283, 0.769 and 0.0975, which lacks the growth of the contact on a
+    thin sample: 5 % less force at ``x = 0.42``, 12 % at 0.69. That of Garcia and Garcia has 1.133, 1.497, 1.469 and
+    0.755.
 
     Parameters
     ----------
@@ -146,8 +147,8 @@ class ThinCone(_Thin):
 
     With ``x = h tan(alpha)/t`` at the depth h and the moments ``m = m0/pi`` and ``n = m2/pi``,
     ``F = 2/pi E tan(alpha) h**2 (1 + 4 m x/pi + 20 m**2 x**2/pi**2 + 4 (28 m**3 - n) x**3/pi**3
-    + 56 m (12 m**3 - n) x**4/pi**4)``. For ``nu = 0.5`` and a bonded sample the coefficients are 0.717, 0.643, 0.489 and
-    0.300. No energy is lost.
+    + 56 m (12 m**3 - n) x**4/pi**4)``. For ``nu = 0.5`` and a bonded sample the coefficients are 0.717, 0.643, 0.489
+    and 0.300. No energy is lost.
 
     Garcia and Garcia have 0.721, 0.650, 0.491 and 0.225.
 
@@ -261,7 +262,9 @@ class ThinPunch(_Thin):
     def __post_init__(self, check: bool) -> None:
         super().__post_init__(check)
         if self.punch_nm > _PUNCH * self.thickness_nm:
-            allowed = f"at most {_PUNCH:g} of thickness_nm = {self.thickness_nm!r}, where the series ends to hold"
+            allowed = (
+                f"at most {_PUNCH:g} of thickness_nm = {self.thickness_nm!r}, beyond which the series does not hold"
+            )
             raise InputError("punch_nm", self.punch_nm, allowed)
 
     def thick(self, depth: str) -> str:

@@ -203,14 +203,14 @@ class SphereCone(Pressed):
 
     References
     ----------
-    I. N. Sneddon, Int. J. Eng. Sci. 3, 47 (1965), Secs. 5 and 6: any profile, and the sphere; B. J. Briscoe, K. S. Sebastian,
-    M. J. Adams, J. Phys. D 27, 1156 (1994), with a paraboloid in place of the sphere.
+    I. N. Sneddon, Int. J. Eng. Sci. 3, 47 (1965), Secs. 5 and 6: any profile, and the sphere; B. J. Briscoe,
+    K. S. Sebastian, M. J. Adams, J. Phys. D 27, 1156 (1994), with a paraboloid in place of the sphere.
 
     Examples
     --------
     >>> law = SphereCone(E_GPa=0.01, half_angle_deg=20.0)
     >>> law.force_nN([-0.1, -5.0, -200.0], R_nm=10.0).round(6).tolist()
-    [0.001333, 0.448178, 117.190883]
+    [0.001332, 0.447743, 111.289062]
     """
 
     half_angle_deg: float
