@@ -110,7 +110,7 @@ class Electrostatic(Law):
     --------
     >>> law = Electrostatic(bias_V=1.0, cpd_V=0.2)
     >>> round(float(law.force_nN(5.0, R_nm=20.0)), 6)
-    -0.056967
+    -0.056968
     """
 
     bias_V: float

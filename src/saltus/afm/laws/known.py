@@ -13,5 +13,5 @@ LAWS: dict[str, type[Law]] = {
     name: kind
     for module in _MODULES
     for name in module.__all__
-    if isinstance(kind := getattr(module, name), type) and issubclass(kind, Law) and name != "Pressed"
+    if isinstance(kind := getattr(module, name), type) and issubclass(kind, Law)
 }

@@ -81,42 +81,42 @@ class GeneralisedMaxwell(Law):
         if not self.k2_N_m or len(self.k2_N_m) != len(self.c_uNs_m):
             allowed = f"one value for each of the {len(self.k2_N_m)} springs of k2_N_m, one or more"
             raise InputError("c_uNs_m", self.c_uNs_m, allowed)
-        object.__setattr__(self, "positive", tuple(f"c_uNs_m{end}" for end in self.ends))
-        object.__setattr__(self, "contact", f"-{self.recovered}")
+        object.__setattr__(self, "positive", tuple(f"c_uNs_m{end}" for end in self._ends))
+        object.__setattr__(self, "contact", f"-{self._recovered}")
 
     @property
-    def ends(self) -> list[str]:
+    def _ends(self) -> list[str]:
         """What the names of each arm end with."""
         return [suffix(number) for number in range(1, len(self.k2_N_m) + 1)]
 
     @property
     def parameters(self) -> dict[str, float]:
         """Names and values of the parameters."""
-        arms = {name + end: value for name in _ARMS for end, value in zip(self.ends, getattr(self, name), strict=True)}
+        arms = {name + end: value for name in _ARMS for end, value in zip(self._ends, getattr(self, name), strict=True)}
         return {"k1_N_m": self.k1_N_m, **arms}
 
     @property
-    def recovered(self) -> str:
+    def _recovered(self) -> str:
         """Depth of the free surface, as a formula."""
-        springs = " + ".join(f"k2_N_m{end}" for end in self.ends)
-        moved = " + ".join(f"k2_N_m{end}*y_nm{end}" for end in self.ends)
-        return f"{moved if len(self.ends) == 1 else f'({moved})'}/(k1_N_m + {springs})"
+        springs = " + ".join(f"k2_N_m{end}" for end in self._ends)
+        moved = " + ".join(f"k2_N_m{end}*y_nm{end}" for end in self._ends)
+        return f"{moved if len(self._ends) == 1 else f'({moved})'}/(k1_N_m + {springs})"
 
     @property
     def regions(self) -> dict[str, Region]:
         """In recovery and in contact."""
         recovery = {
             f"y_nm{end}": f"-k1_N_m*k2_N_m{end}/(k1_N_m + k2_N_m{end})*y_nm{end}/c_uNs_m{end}"
-            if len(self.ends) == 1
-            else f"k2_N_m{end}*({self.recovered} - y_nm{end})/c_uNs_m{end}"
-            for end in self.ends
+            if len(self._ends) == 1
+            else f"k2_N_m{end}*({self._recovered} - y_nm{end})/c_uNs_m{end}"
+            for end in self._ends
         }
-        arms = [f"k2_N_m{end}*(-D_nm - y_nm{end})" for end in self.ends]
+        arms = [f"k2_N_m{end}*(-D_nm - y_nm{end})" for end in self._ends]
         return {
             "far": Region(states=recovery),
             "contact": Region(
                 " + ".join(["-k1_N_m*D_nm", *arms]),
-                states={f"y_nm{end}": f"{arm}/c_uNs_m{end}" for end, arm in zip(self.ends, arms, strict=True)},
+                states={f"y_nm{end}": f"{arm}/c_uNs_m{end}" for end, arm in zip(self._ends, arms, strict=True)},
                 separation=self.contact,
                 indentation="-D_nm",
             ),

@@ -48,26 +48,26 @@ class _Thin(Pressed):
             raise InputError("nu", self.nu, f"at most {_LARGEST_NU:g}, Poisson's ratio of what keeps its volume")
 
     @abstractmethod
-    def thick(self, depth: str) -> str:
+    def _thick(self, depth: str) -> str:
         """Return the force on a thick sample at a depth, as a formula."""
 
     @abstractmethod
-    def ratio(self, depth: str) -> str:
+    def _ratio(self, depth: str) -> str:
         """Return what the series is in, as a formula."""
 
     @abstractmethod
-    def series(self, m0: str, m2: str) -> tuple[str, ...]:
+    def _series(self, m0: str, m2: str) -> tuple[str, ...]:
         """Return the coefficients of the first to fourth power, as formulas."""
 
-    def pressed(self, depth: str) -> str:
+    def _pressed(self, depth: str) -> str:
         """Return the force at a depth, as a formula."""
-        x, factor = self.ratio(depth), "0"
-        for coefficient in self.series(*self.moments)[::-1]:
+        x, factor = self._ratio(depth), "0"
+        for coefficient in self._series(*self._moments)[::-1]:
             factor = f"{x}*({coefficient} + {factor})"
-        return f"{self.thick(depth)}*(1 + {factor})"
+        return f"{self._thick(depth)}*(1 + {factor})"
 
     @property
-    def moments(self) -> tuple[str, str]:
+    def _moments(self) -> tuple[str, str]:
         """The moments of the layer's kernel, divided by pi, as formulas."""
         if self.support == "slipping":
             return f"({_SLIPPING[0]!r}/pi)", f"({_SLIPPING[1]!r}/pi)"
@@ -119,26 +119,26 @@ class ThinSphere(_Thin):
     --------
     >>> law = ThinSphere(E_GPa=1e-5, thickness_nm=1000.0)
     >>> law.force_nN([-10.0, -100.0], R_nm=1000.0).round(6).tolist()
-    [0.015187, 0.651044]
+    [0.015054, 0.658205]
     """
 
-    def thick(self, depth: str) -> str:
+    def _thick(self, depth: str) -> str:
         """Return the force on a thick sample at a depth, as a formula."""
         return f"4/3*E_GPa*sqrt(R_nm)*{depth}**(3/2)"
 
-    def ratio(self, depth: str) -> str:
+    def _ratio(self, depth: str) -> str:
         """Return what the series is in, as a formula."""
         return f"(sqrt(R_nm)*{depth}**(1/2)/thickness_nm)"
 
-    def series(self, m0: str, m2: str) -> tuple[str, ...]:
+    def _series(self, m0: str, m2: str) -> tuple[str, ...]:
         """Return the coefficients of the first to fourth power, as formulas."""
         third, fourth = f"8/135*(200*{m0}**3 - 9*{m2})", f"2/45*{m0}*(715*{m0}**3 - 72*{m2})"
         return f"2*{m0}", f"14/3*{m0}**2", third, fourth
 
     @property
-    def limit(self) -> str:
+    def _limit(self) -> str:
         """What is positive where the series is valid."""
-        return f"({_SPHERE!r}*thickness_nm)**2 - R_nm*{self.depth}"
+        return f"({_SPHERE!r}*thickness_nm)**2 - R_nm*{self._depth}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,7 +183,7 @@ class ThinCone(_Thin):
     --------
     >>> law = ThinCone(E_GPa=1e-5, half_angle_deg=35.0, thickness_nm=1000.0)
     >>> law.force_nN([-10.0, -300.0]).round(6).tolist()
-    [0.000448, 0.476389]
+    [0.000448, 0.475094]
     """
 
     positive: ClassVar[tuple[str, ...]] = ("thickness_nm", "half_angle_deg")
@@ -194,23 +194,23 @@ class ThinCone(_Thin):
         super().__post_init__(check)
         below_90(self.half_angle_deg)
 
-    def thick(self, depth: str) -> str:
+    def _thick(self, depth: str) -> str:
         """Return the force on a thick sample at a depth, as a formula."""
         return f"2/pi*E_GPa*tan(pi/180*half_angle_deg)*{depth}**2"
 
-    def ratio(self, depth: str) -> str:
+    def _ratio(self, depth: str) -> str:
         """Return what the series is in, as a formula."""
         return f"({depth}*tan(pi/180*half_angle_deg)/thickness_nm)"
 
-    def series(self, m0: str, m2: str) -> tuple[str, ...]:
+    def _series(self, m0: str, m2: str) -> tuple[str, ...]:
         """Return the coefficients of the first to fourth power, as formulas."""
         third, fourth = f"4/pi**3*(28*{m0}**3 - {m2})", f"56/pi**4*{m0}*(12*{m0}**3 - {m2})"
         return f"4/pi*{m0}", f"20/pi**2*{m0}**2", third, fourth
 
     @property
-    def limit(self) -> str:
+    def _limit(self) -> str:
         """What is positive where the series is valid."""
-        return f"{_CONE!r} - {self.ratio(self.depth)}"
+        return f"{_CONE!r} - {self._ratio(self._depth)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,7 +254,7 @@ class ThinPunch(_Thin):
     --------
     >>> law = ThinPunch(E_GPa=1e-5, punch_nm=300.0, thickness_nm=1000.0)
     >>> round(float(law.force_nN(-10.0)), 6)
-    0.088046
+    0.088038
     """
 
     punch_nm: float
@@ -267,19 +267,19 @@ class ThinPunch(_Thin):
             )
             raise InputError("punch_nm", self.punch_nm, allowed)
 
-    def thick(self, depth: str) -> str:
+    def _thick(self, depth: str) -> str:
         """Return the force on a thick sample at a depth, as a formula."""
         return f"2*E_GPa*punch_nm*{depth}"
 
-    def ratio(self, depth: str) -> str:
+    def _ratio(self, depth: str) -> str:
         """Return what the series is in, as a formula."""
         return "(punch_nm/thickness_nm)"
 
-    def series(self, m0: str, m2: str) -> tuple[str, ...]:
+    def _series(self, m0: str, m2: str) -> tuple[str, ...]:
         """Return the coefficients of the first to fourth power, as formulas."""
         return f"2*{m0}", f"4*{m0}**2", f"(8*{m0}**3 - 2/3*{m2})", f"8/3*{m0}*(6*{m0}**3 - {m2})"
 
     @property
-    def limit(self) -> str:
+    def _limit(self) -> str:
         """What is not negative where the series is valid."""
         return f"{_PUNCH!r}*(1 + 1e-9) - punch_nm/thickness_nm"

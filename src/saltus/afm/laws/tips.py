@@ -19,7 +19,7 @@ from saltus.afm.laws.law import Law
 from saltus.afm.laws.regions import Crossing, Region
 from saltus.errors import InputError
 
-__all__ = ["Cone", "FlatPunch", "Pressed", "SphereCone"]
+__all__ = ["Cone", "FlatPunch", "SphereCone"]
 
 _ANGLE = "(pi/180*half_angle_deg)"
 _ANGLES = (5.0, 85.0)  # degrees; half angles for which the fit of `_fitted` is within 4e-4 of y
@@ -60,27 +60,27 @@ class Pressed(Law):
             object.__setattr__(self, "contact", "a0_nm")
 
     @property
-    def depth(self) -> str:
+    def _depth(self) -> str:
         """The depth of indentation as a formula."""
         return "(-D_nm)" if self.contact == "0" else f"({self.contact} - D_nm)"
 
     @abstractmethod
-    def pressed(self, depth: str) -> str:
+    def _pressed(self, depth: str) -> str:
         """Return the force at a depth, as a formula."""
 
     @property
-    def limit(self) -> str:
+    def _limit(self) -> str:
         """What is positive where the formula of the force is valid; empty if it is everywhere."""
         return ""
 
-    def touched(self, force: str) -> Region:
+    def _touched(self, force: str) -> Region:
         """Return a region of contact with a force."""
-        return Region(force, separation=self.contact, indentation=self.depth, domain=self.limit)
+        return Region(force, separation=self.contact, indentation=self._depth, domain=self._limit)
 
     @property
     def regions(self) -> dict[str, Region]:
         """Without and with contact."""
-        return {"far": Region(), "contact": self.touched(self.pressed(self.depth))}
+        return {"far": Region(), "contact": self._touched(self._pressed(self._depth))}
 
     @property
     def crossings(self) -> tuple[Crossing, ...]:
@@ -127,7 +127,7 @@ class Cone(Pressed):
         super().__post_init__(check)
         below_90(self.half_angle_deg)
 
-    def pressed(self, depth: str) -> str:
+    def _pressed(self, depth: str) -> str:
         """Return the force at a depth, as a formula."""
         return f"2/pi*E_GPa*tan{_ANGLE}*{depth}**2"
 
@@ -166,7 +166,7 @@ class FlatPunch(Pressed):
 
     punch_nm: float
 
-    def pressed(self, depth: str) -> str:
+    def _pressed(self, depth: str) -> str:
         """Return the force at a depth, as a formula."""
         return f"2*E_GPa*punch_nm*{depth}"
 
@@ -221,7 +221,7 @@ class SphereCone(Pressed):
         if not low <= self.half_angle_deg <= high:
             raise InputError("half_angle_deg", self.half_angle_deg, f"from {low:g} to {high:g}, the range of the fit")
 
-    def pressed(self, depth: str) -> str:
+    def _pressed(self, depth: str) -> str:
         """Return the force at a depth at which the sphere alone touches, as a formula."""
         d = f"({depth}/R_nm)"
         above, below = (_polynomial((1.0, *coefficients), d) for coefficients in (_ABOVE, _BELOW))
@@ -232,7 +232,7 @@ class SphereCone(Pressed):
     @property
     def regions(self) -> dict[str, Region]:
         """Without contact, with contact of the sphere, and of sphere and cone."""
-        return super().regions | {"flank": self.touched(_flank(self.depth, self.half_angle_deg))}
+        return super().regions | {"flank": self._touched(_flank(self._depth, self.half_angle_deg))}
 
     @property
     def parameters(self) -> dict[str, float]:
