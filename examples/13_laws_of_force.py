@@ -31,6 +31,11 @@ def static(law, gaps):
     return [("both ways", gaps, law.force_nN(gaps, R_nm=R))]
 
 
+def compared(laws, gaps):
+    """One way of several laws, each with its name."""
+    return [(name, gaps, law.force_nN(gaps, R_nm=R)) for name, law in laws.items()]
+
+
 def hysteretic(law, gaps, begins, ends, regions):
     """The way in, along which contact begins at one gap, and the way out, along which it ends at another."""
     outer, inner = regions
@@ -54,20 +59,22 @@ def moving(law, low, high):
 
 
 def solid(k1, k2, c):
-    """Both ways of the standard linear solid, in the second cycle: the surface recovers between taps."""
+    """Both ways of a solid with arms, in the second cycle: the surface recovers between taps."""
+    k2, c = np.array(k2), np.array(c)
 
-    def touches(D, y):
-        return -(k1 + k2) * D > k2 * y
+    def surface(y):
+        return k2 @ y / (k1 + k2.sum())
 
     def rate(t, y):
-        D = ZC + A * math.cos(OMEGA * t)
-        return [k2 * (-D - y[0]) / c if touches(D, y[0]) else -k1 * k2 / (k1 + k2) * y[0] / c]
+        depth = -ZC - A * math.cos(OMEGA * t)
+        return k2 * (max(depth, surface(y)) - y) / c
 
     cycle = 2.0 * math.pi / OMEGA
     times = np.linspace(cycle, 2.0 * cycle, 4001)
-    y = solve_ivp(rate, (0.0, 2.0 * cycle), [0.0], "LSODA", times, rtol=1e-8, atol=1e-10, max_step=cycle / 500).y[0]
+    start = np.zeros(k2.size)
+    y = solve_ivp(rate, (0.0, 2.0 * cycle), start, "LSODA", times, rtol=1e-8, atol=1e-10, max_step=cycle / 500).y
     gaps = ZC + A * np.cos(OMEGA * times)
-    force = np.where(touches(gaps, y), -k1 * gaps + k2 * (-gaps - y), 0.0)
+    force = np.where(-gaps > surface(y), -k1 * gaps + k2 @ (-gaps - y), 0.0)
     near = gaps < 1.5
     falling = times < 1.5 * cycle
     return [
@@ -79,9 +86,50 @@ LAWS = {
     "van_der_waals": ("VanDerWaals", static(afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3), np.linspace(-0.5, 4.0, 600))),
     "dmt": ("DMT, with VanDerWaals", static(SPHERE, np.linspace(-1.5, 3.0, 600))),
     "hertz": ("Hertz", static(afm.Hertz(E_GPa=1.0), np.linspace(-2.0, 2.0, 600))),
+    "cone": ("Cone", static(afm.Cone(E_GPa=1.0, half_angle_deg=35.0), np.linspace(-2.0, 2.0, 600))),
+    "sphere_cone": (
+        "SphereCone",
+        compared(
+            {
+                "sphere on cone": afm.SphereCone(E_GPa=1.0, half_angle_deg=35.0),
+                "paraboloid": afm.Hertz(E_GPa=1.0),
+                "cone": afm.Cone(E_GPa=1.0, half_angle_deg=35.0),
+            },
+            np.linspace(-30.0, 2.0, 600),
+        ),
+    ),
+    "flat_punch": ("FlatPunch", static(afm.FlatPunch(E_GPa=1.0, punch_nm=5.0), np.linspace(-2.0, 2.0, 600))),
+    "thin_sphere": (
+        "ThinSphere",
+        compared(
+            {"thin": afm.ThinSphere(E_GPa=1.0, thickness_nm=10.0), "thick": afm.Hertz(E_GPa=1.0)},
+            np.linspace(-3.0, 1.0, 600),
+        ),
+    ),
+    "thin_cone": (
+        "ThinCone",
+        compared(
+            {
+                "thin": afm.ThinCone(E_GPa=1.0, half_angle_deg=35.0, thickness_nm=10.0),
+                "thick": afm.Cone(E_GPa=1.0, half_angle_deg=35.0),
+            },
+            np.linspace(-10.0, 2.0, 600),
+        ),
+    ),
+    "thin_punch": (
+        "ThinPunch",
+        compared(
+            {
+                "thin": afm.ThinPunch(E_GPa=1.0, punch_nm=5.0, thickness_nm=10.0),
+                "thick": afm.FlatPunch(E_GPa=1.0, punch_nm=5.0),
+            },
+            np.linspace(-3.0, 1.0, 600),
+        ),
+    ),
     "dashpot": ("Dashpot, with Hertz", moving(afm.Hertz(E_GPa=1.0) + afm.Dashpot(c_uNs_m=0.3), -1.995, 1.5)),
     "kelvin_voigt": ("KelvinVoigt, with Hertz", moving(VISCOUS, -1.995, 1.5)),
-    "sls": ("SLS", solid(2.0, 4.0, 1.0)),
+    "sls": ("SLS", solid(2.0, [4.0], [1.0])),
+    "generalised_maxwell": ("GeneralisedMaxwell, two arms", solid(1.0, [4.0, 3.0], [0.3, 5.0])),
     "jkr": (
         "JKR",
         hysteretic(afm.JKR(E_GPa=1.0, w_N_m=0.05), np.linspace(-2.0, 2.0, 1201), 0.0, PULL_OFF, ("far", "contact")),
@@ -100,6 +148,29 @@ LAWS = {
             np.linspace(0.0, 5.0, 1201), 1.0, 3.0, ("dry", "wet"),
         ),
     ),
+    "meniscus": (
+        "Meniscus",
+        hysteretic(
+            afm.Meniscus(gamma_N_m=0.072, V_nm3=50.0, on_nm=1.0),
+            np.linspace(0.0, 5.0, 1201), 1.0, 50.0 ** (1.0 / 3.0), ("dry", "wet"),
+        ),
+    ),
+    "electrostatic": (
+        "Electrostatic",
+        compared(
+            {"1 V": afm.Electrostatic(bias_V=1.0), "2 V": afm.Electrostatic(bias_V=2.0)}, np.linspace(0.5, 20.0, 600)
+        ),
+    ),
+    "magnetic_dipoles": (
+        "MagneticDipoles",
+        compared(
+            {
+                "parallel": afm.MagneticDipoles(tip_A_nm2=100.0, sample_A_nm2=100.0, centres_nm=40.0),
+                "opposed": afm.MagneticDipoles(tip_A_nm2=100.0, sample_A_nm2=-100.0, centres_nm=40.0),
+            },
+            np.linspace(0.0, 60.0, 600),
+        ),
+    ),
     "lennard_jones": ("LennardJones", static(afm.LennardJones(H_aJ=0.1, sigma_nm=0.34), np.linspace(0.19, 2.0, 600))),
     "hydration": ("Hydration", static(afm.Hydration(F_nN=2.0, l_nm=0.3), np.linspace(0.0, 2.0, 600))),
     "dlvo": (
@@ -110,12 +181,12 @@ LAWS = {
     ),
     "morse": ("Morse", static(afm.Morse(U_aJ=0.4, l_nm=0.1, D0_nm=0.3), np.linspace(0.22, 1.0, 600))),
 }  # fmt: skip
-STYLES = {"both ways": ("tab:blue", "-"), "approach": ("tab:blue", "-"), "retraction": ("tab:orange", "--")}
+COLOURS = ("tab:blue", "tab:orange", "tab:green")
+LINES = ("-", "--", ":")
 
 
 def draw(ax, title, ways):
-    for name, gaps, force in ways:
-        colour, line = STYLES[name]
+    for (name, gaps, force), colour, line in zip(ways, COLOURS, LINES, strict=False):
         ax.plot(gaps, force, line, color=colour, label=name)
     ax.axhline(0.0, color="0.8", lw=0.8, zorder=0)
     ax.set_title(title)
@@ -125,7 +196,7 @@ def draw(ax, title, ways):
         ax.legend(frameon=False)
 
 
-figure, axes = plt.subplots(5, 3, figsize=(10.0, 14.0), layout="constrained")
+figure, axes = plt.subplots(8, 3, figsize=(10.0, 22.0), layout="constrained")
 for ax, (title, ways) in zip(axes.flat, LAWS.values(), strict=False):
     draw(ax, title, ways)
 for ax in axes.flat[len(LAWS) :]:

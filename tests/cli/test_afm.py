@@ -24,7 +24,11 @@ from saltus.afm.files.sets import entries_of, names, text_of
 from saltus.afm.models.modelling import model
 
 LEVER = text_of("lever-s")
-LAWS = "DMT, Hertz, VanDerWaals, SLS, Dashpot, KelvinVoigt, JKR, Neck, Schwarz, DLVO, Hydration, LennardJones, Morse"
+LAWS = (
+    "DMT, Hertz, VanDerWaals, Cone, FlatPunch, SphereCone, ThinCone, ThinPunch, ThinSphere, SLS, Dashpot, KelvinVoigt, "
+    "GeneralisedMaxwell, JKR, Neck, Schwarz, DLVO, Hydration, LennardJones, Morse, Electrostatic, MagneticDipoles, "
+    "Meniscus"
+)
 
 
 @pytest.fixture

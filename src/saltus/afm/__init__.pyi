@@ -14,9 +14,17 @@ from .fm.self_excitation import self_excited as self_excited
 from .fm.shift_curve import FrequencyShift as FrequencyShift
 from .laws.adhesive import JKR as JKR, Neck as Neck, Schwarz as Schwarz
 from .laws.contact import DMT as DMT, Hertz as Hertz, VanDerWaals as VanDerWaals
+from .laws.fields import (
+    Electrostatic as Electrostatic,
+    MagneticDipoles as MagneticDipoles,
+    Meniscus as Meniscus,
+)
 from .laws.law import Law as Law
 from .laws.long_range import DLVO as DLVO, Hydration as Hydration, LennardJones as LennardJones, Morse as Morse
+from .laws.maxwell import GeneralisedMaxwell as GeneralisedMaxwell
 from .laws.regions import Crossing as Crossing, Region as Region
+from .laws.thin import ThinCone as ThinCone, ThinPunch as ThinPunch, ThinSphere as ThinSphere
+from .laws.tips import Cone as Cone, FlatPunch as FlatPunch, SphereCone as SphereCone
 from .laws.viscous import SLS as SLS, Dashpot as Dashpot, KelvinVoigt as KelvinVoigt
 from .models.attractor_regimes import name_by_regime as name_by_regime
 from .models.modelling import model as model

@@ -17,6 +17,11 @@ PROBE = afm.Probe(k_N_m=40.0, f0_kHz=300.0, Q=300.0, R_nm=10.0)
 SPHERE = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=1.0)
 TOLERANCE = 1e-13  # of the steps; sensitivities through the root at JKR's pull-off lose four digits more
 SOFTER = "k2_N_m*(contact + (1 - contact)*k1_N_m/(k1_N_m + k2_N_m))/c_uNs_m"
+SPRINGS = "(k1_N_m + k2_N_m + k2_N_m_2)"
+ARMS = " + ".join(
+    f"k2_N_m{end}/c_uNs_m{end}*(contact + (1 - contact)*(k1_N_m + {other})/{SPRINGS})"
+    for end, other in (("", "k2_N_m_2"), ("_2", "k2_N_m"))
+)
 
 # Law, gap at rest, damping of the force in uN s/m, contraction of the law's own state in 1/us, whether energy is lost.
 LAWS = {
@@ -38,6 +43,20 @@ LAWS = {
     "LennardJones": (afm.LennardJones(H_aJ=0.1, sigma_nm=0.34), 15.0, "0", "0", False),
     "Hydration": (afm.Hydration(F_nN=5.0, l_nm=0.5), 15.0, "0", "0", False),
     "DLVO": (afm.DLVO(tip_mC_m2=-100.0, sample_mC_m2=-100.0, debye_nm=3.0, H_aJ=0.001), 18.0, "0", "0", False),
+    "Cone": (afm.Cone(E_GPa=1.0, half_angle_deg=20.0), 15.0, "0", "0", False),
+    "SphereCone": (afm.SphereCone(E_GPa=1.0, half_angle_deg=60.0), 15.0, "0", "0", False),
+    "FlatPunch": (afm.FlatPunch(E_GPa=1.0, punch_nm=5.0), 15.0, "0", "0", False),
+    "ThinSphere": (afm.ThinSphere(E_GPa=1.0, thickness_nm=40.0), 15.0, "0", "0", False),
+    "ThinCone": (afm.ThinCone(E_GPa=1.0, half_angle_deg=20.0, thickness_nm=20.0), 15.0, "0", "0", False),
+    "ThinPunch": (afm.ThinPunch(E_GPa=1.0, punch_nm=5.0, thickness_nm=20.0), 15.0, "0", "0", False),
+    "GeneralisedMaxwell": (
+        afm.GeneralisedMaxwell(k1_N_m=2.0, k2_N_m=(4.0, 2.0), c_uNs_m=(5.0, 0.5)), 15.0, "0", ARMS, True,
+    ),
+    "Meniscus": (SPHERE + afm.Meniscus(gamma_N_m=0.02, V_nm3=5.0, on_nm=0.6), 15.0, "0", "0", True),
+    "Electrostatic": (SPHERE + afm.Electrostatic(bias_V=1.0, cpd_V=0.3), 15.0, "0", "0", False),
+    "MagneticDipoles": (
+        afm.MagneticDipoles(tip_A_nm2=100.0, sample_A_nm2=-100.0, centres_nm=40.0), 15.0, "0", "0", False,
+    ),
     "Morse": (afm.Morse(U_aJ=1.0, l_nm=0.2, D0_nm=0.4), 15.0, "0", "0", False),
 }  # fmt: skip
 

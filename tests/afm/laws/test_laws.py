@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
+import saltus
 from oracles.tip import jkr
 from saltus import afm
 from saltus.afm.laws.common_regions import product
@@ -263,9 +264,35 @@ def test_a_pole_where_surfaces_touch_is_told(contact):
     for law in (pole, afm.LennardJones(H_aJ=0.1, sigma_nm=0.34)):
         with pytest.raises(InputError, match="touch at separation 0; its force is infinite there"):
             (contact + law).force_nN(1.0, R_nm=10.0)
-    with pytest.raises(InputError, match="'DampedPole': .* its force is infinite there; DMT\\(a0_nm=...\\) touches"):
+    goes = "take DampedPole\\(...\\) \\+ DMT\\(E_GPa=1, a0_nm=0.3\\), which touches at its cut-off a0_nm"
+    with pytest.raises(InputError, match=f"'DampedPole': .* its force is infinite there; {goes}"):
         (contact + DampedPole(F_nN=1.0)).force_nN(1.0, R_nm=10.0)
     assert list((contact + afm.Hydration(F_nN=1.0, l_nm=0.3)).regions) == ["far", "contact"]
+
+
+def test_a_tip_of_another_shape_is_offered_with_its_cut_off():
+    pole, cone = afm.DLVO(tip_mC_m2=-20.0, sample_mC_m2=-30.0, debye_nm=3.0, H_aJ=0.01), {"E_GPa": 1.0}
+    with pytest.raises(InputError, match="take DLVO\\(...\\) \\+ Cone\\(..., a0_nm=0.3\\)"):
+        (pole + afm.Cone(**cone, half_angle_deg=20.0)).force_nN(1.0, R_nm=10.0)
+    law = pole + afm.Cone(**cone, half_angle_deg=45.0, a0_nm=0.3)
+    found = law.force_nN([0.3, -1.7], R_nm=10.0)
+    np.testing.assert_allclose(np.diff(found), 2.0 / math.pi * 4.0, rtol=1e-13)
+
+
+def test_lengths_of_two_laws_that_mean_different_things_have_two_names():
+    bond, water = afm.Morse(U_aJ=0.4, l_nm=0.1, D0_nm=0.3), afm.Hydration(F_nN=1.0, l_nm=0.3)
+    both, gaps = bond + water, np.array([0.2, 0.5, 2.0])
+    assert both.parameters == {"U_aJ": 0.4, "l_nm": 0.1, "D0_nm": 0.3, "F_nN": 1.0, "l_nm_2": 0.3}
+    np.testing.assert_allclose(both.force_nN(gaps), bond.force_nN(gaps) + water.force_nN(gaps), rtol=1e-14)
+    assert (water + bond).parameters["l_nm"] == 0.3
+    with pytest.raises(InputError, match="one value in all laws of a sum"):
+        (afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3) + afm.LennardJones(H_aJ=0.1, sigma_nm=0.3)).force_nN(1.0, R_nm=1.0)
+
+
+def test_a_force_outside_of_the_domain_of_a_law_is_told():
+    law = afm.DLVO(tip_mC_m2=-20.0, sample_mC_m2=-30.0, debye_nm=3.0, H_aJ=0.01)
+    with pytest.raises(InputError, match="D_nm = -1.0: must be in the domain of the law.*D_nm > 0"):
+        law.force_nN([1.0, -1.0], R_nm=10.0)
 
 
 def test_a_law_with_a_pole_has_in_contact_the_force_of_the_separation_that_remains():
@@ -339,6 +366,59 @@ def test_a_law_of_ones_own_is_checked():
 
     with pytest.raises(InputError, match="without names of the probe"):
         afm.model(probe, Greedy(stiffness=1.0, place_nm=1.0, Q=2.0), afm.Drive(1.0), Zc_nm=3.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cushion(afm.Law):
+    """An exponential repulsion that counts as contact below a gap."""
+
+    strength_nN: float
+    near_nm: float
+    contact = "near_nm"
+
+    @property
+    def regions(self):
+        return {"everywhere": afm.Region("strength_nN*exp(-D_nm)")}
+
+
+def test_a_law_of_ones_own_tells_what_contact_is():
+    split = Cushion(strength_nN=1.0, near_nm=0.7) + afm.Hydration(F_nN=1.0, l_nm=1.0)
+    assert [region.indentation for region in split.regions.values()] == ["", "near_nm - D_nm"]
+    np.testing.assert_allclose(split.force_nN([0.7, 0.5]), 2.0 * np.exp([-0.7, -0.5]), rtol=1e-14)
+
+    class Told(Wall):
+        contact = "place_nm"
+
+        @property
+        def regions(self):
+            return {"off": afm.Region(), "on": afm.Region("stiffness*(place_nm - D_nm)")}
+
+    law = Told(stiffness=3.0, place_nm=1.0) + afm.Dashpot(c_uNs_m=1.0)
+    assert [region.indentation for region in law.regions.values()] == ["", "place_nm - D_nm"]
+
+    class Elsewhere(Told):
+        contact = "0"
+
+    with pytest.raises(InputError, match="a law with a crossing at its gap of contact, 0"):
+        (Elsewhere(stiffness=3.0, place_nm=1.0) + afm.Hydration(F_nN=1.0, l_nm=2.0)).force_nN(1.0)
+
+
+@pytest.mark.campaign
+def test_the_share_of_contact_of_a_law_of_ones_own_is_that_of_the_gap():
+    probe = afm.Probe(k_N_m=1.0, f0_kHz=10.0, Q=5.0, R_nm=10.0)
+    system = afm.model(probe, Cushion(strength_nN=1.0, near_nm=0.7), afm.Drive(5.0), Zc_nm=5.0)
+    orbit = saltus.find_orbit(system, x0=[0.0, 0.0])
+
+    def rates(t, s):
+        w = 2e-2 * math.pi
+        force = math.exp(-(5.0 + s[0])) + 5.0 / 5.0 * math.cos(w * t)
+        return [s[1], w**2 * (force - s[0]) - w / 5.0 * s[1]]
+
+    times = (np.arange(20000) + 0.5) / 20000 * 100.0 + 3000.0
+    settled = solve_ivp(rates, (0.0, 3100.0), [0.0, 0.0], "DOP853", times, rtol=1e-10, atol=1e-12).y[0]
+    below = float(np.mean(5.0 + settled < 0.7))
+    assert 0.0 < below < 1.0
+    assert afm.observables(orbit)["contact_fraction"] == pytest.approx(below, abs=2e-4)
 
 
 def test_a_law_of_ones_own_adds_to_others():

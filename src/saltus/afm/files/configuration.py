@@ -14,7 +14,7 @@ from saltus.afm.curves.curves import distance_curve, frequency_curve
 from saltus.afm.curves.identification import fit
 from saltus.afm.files.measured_curves import read_curve
 from saltus.afm.files.sets import entries_of
-from saltus.afm.laws import adhesive, contact, long_range, viscous
+from saltus.afm.laws.known import LAWS
 from saltus.afm.laws.law import Law
 from saltus.afm.models.modelling import model
 from saltus.afm.models.readings import CONVENTIONS
@@ -261,19 +261,13 @@ def _tables(name: str, value: object) -> list[dict[str, Any]]:
 
 
 def _law(table: dict[str, Any], folder: Path) -> Law:
-    known = {
-        name: getattr(module, name)
-        for module in (contact, viscous, adhesive, long_range)
-        for name in module.__all__
-        if isinstance(getattr(module, name), type)
-    }
     if "type" not in table:
-        raise InputError("law.type", None, f"given: {', '.join(known)}, or module:Class")
+        raise InputError("law.type", None, f"given: {', '.join(LAWS)}, or module:Class")
     kind = checks.text("law.type", table.pop("type"))
-    make: Any = known.get(kind)
+    make: Any = LAWS.get(kind)
     if make is None:
         if ":" not in kind:
-            raise InputError("law.type", kind, f"{', '.join(known)}, or module:Class", nearest(kind, known))
+            raise InputError("law.type", kind, f"{', '.join(LAWS)}, or module:Class", nearest(kind, LAWS))
         make = attribute_of(kind, folder, "law.type")
         if not (isinstance(make, type) and issubclass(make, Law)):
             raise InputError("law.type", kind, "a class that is made from saltus.afm.Law", f"it is {make!r}")

@@ -9,18 +9,20 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from saltus import checks
 from saltus.afm.laws.regions import Crossing, Part, Region
+from saltus.afm.probe.units import suffix
 from saltus.errors import InputError
 from saltus.system.definition import Definition
 from saltus.system.evaluate import evaluate
 from saltus.system.parts import Mode
 
-__all__ = ["Product", "in_brackets", "named", "product", "shared_parameters", "sum_of", "value_of"]
+__all__ = ["Product", "in_brackets", "named", "own_names", "product", "shared_parameters", "sum_of", "value_of"]
 
 _NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 _ELASTIC = "E_GPa"  # parameter of laws of elastic contact, of which a sum has one
@@ -81,11 +83,28 @@ def sum_of(terms: Iterable[str]) -> str:
     return " + ".join(map(in_brackets, shown)) if len(shown) > 1 else "".join(shown) or "0"
 
 
+def own_names(parts: tuple[Part, ...]) -> list[dict[str, str]]:
+    """Return for each law what those of its parameters are called that an earlier law has as its own, too.
+
+    Examples
+    --------
+    >>> from saltus.afm import Hydration, Morse
+    >>> own_names((Morse(U_aJ=0.4, l_nm=0.1, D0_nm=0.3), Hydration(F_nN=1.0, l_nm=0.3)))
+    [{}, {'l_nm': 'l_nm_2'}]
+    """
+    counts: Counter[str] = Counter()
+    names = []
+    for part in parts:
+        counts.update(part.own)
+        names.append({name: name + suffix(counts[name]) for name in part.own if counts[name] > 1})
+    return names
+
+
 def shared_parameters(parts: tuple[Part, ...]) -> dict[str, float]:
     """Return all parameters that laws give; raise `InputError` where two laws give one name different values."""
     values: dict[str, float] = {}
-    for part in parts:
-        for name, value in part.parameters.items():
+    for part, names in zip(parts, own_names(parts), strict=True):
+        for name, value in ((names.get(one, one), value) for one, value in part.parameters.items()):
             if values.setdefault(name, value) != value:
                 hint = f"{type(part).__name__} has another value; give it once, or make a law with another name"
                 raise InputError(name, values[name], "one value in all laws of a sum", hint)
@@ -131,12 +150,15 @@ class _Making:
         self.values = shared_parameters(parts)
         if R_nm is not None:
             self.values.setdefault("R_nm", R_nm)
-        self.of_parts = [_regions_of(part) for part in parts]
+        told = [_renamed(*_told(part), names) for part, names in zip(parts, own_names(parts), strict=True)]
+        self.of_parts = [regions for regions, _ in told]
+        self.crossings_of = [crossings for _, crossings in told]
         self.check_names()
         contact = self.contact()
         levels = {"contact_nm": contact, "release_nm": self.release(contact)}
         self.ends = [
-            tuple(replace(one, level=levels.get(one.level, one.level)) for one in part.crossings) for part in parts
+            tuple(replace(one, level=levels.get(one.level, one.level)) for one in crossings)
+            for crossings in self.crossings_of
         ]
         self.states = self.own_states()
 
@@ -158,8 +180,8 @@ class _Making:
         told = [part.contact for part in self.parts if part.contact]
         passed = [
             one.level
-            for part, regions in zip(self.parts, self.of_parts, strict=True)
-            for one in part.crossings
+            for crossings, regions in zip(self.crossings_of, self.of_parts, strict=True)
+            for one in crossings
             if one.direction < 0 and regions[one.target].indentation
         ]
         return next((level for level in (*told, *passed) if level != "contact_nm"), "0")
@@ -168,8 +190,8 @@ class _Making:
         """Gap at which contact ends: that of a law of contact, else where it begins."""
         told = (
             one.level
-            for part, regions in zip(self.parts, self.of_parts, strict=True)
-            for one in part.crossings
+            for part, crossings, regions in zip(self.parts, self.crossings_of, self.of_parts, strict=True)
+            for one in crossings
             if part.contact and one.direction > 0 and regions[one.source].indentation
         )
         return next(told, contact)
@@ -268,9 +290,18 @@ class _Making:
         for part, region in zip(self.parts, regions, strict=True):
             uses_separation = "separation_nm" in _NAME.findall(region.force)
             if uses_separation and not math.isfinite(value_of(region.force, self.values | touching)):
-                hint = "its force is infinite there; DMT(a0_nm=...) touches at a0_nm"
+                hint = f"its force is infinite there; {self.pair(part)}"
                 allowed = "a law that can be added to one whose surfaces touch at separation 0"
                 raise InputError("law", type(part).__name__, allowed, hint)
+
+    def pair(self, pole: Part) -> str:
+        """Name the law with contact at a cut-off that goes with one whose force is infinite at separation 0."""
+        elastic = next((part for part in self.parts if part.contact and _ELASTIC in vars(part)), None)
+        if elastic is None:
+            return "DMT(a0_nm=...) touches at a0_nm"
+        name, E = type(elastic).__name__, self.values[_ELASTIC]
+        cut_off = f"{name}(..., a0_nm=0.3)" if "a0_nm" in vars(elastic) else f"DMT(E_GPa={E:g}, a0_nm=0.3)"
+        return f"take {type(pole).__name__}(...) + {cut_off}, which touches at its cut-off a0_nm"
 
     def crossings(
         self, moves: list[tuple[_Place, Crossing, _Place]], names: Mapping[_Place, str]
@@ -289,7 +320,7 @@ class _Making:
 
     def check_names(self) -> None:
         """Raise `InputError` where a formula uses a parameter that no law gives."""
-        texts = [crossing.level for part in self.parts for crossing in part.crossings]
+        texts = [crossing.level for crossings in self.crossings_of for crossing in crossings]
         for region in (region for regions in self.of_parts for region in regions.values()):
             texts += [region.force, region.elastic or "0", region.impulse, region.indentation, region.domain]
             texts += region.states.values()
@@ -311,6 +342,48 @@ def _regions_of(part: Part) -> dict[str, Region]:
         for end in (crossing.source, crossing.target):
             checks.chosen(f"end of crossing {crossing.name!r}", end, regions)
     return regions
+
+
+def _told(part: Part) -> tuple[dict[str, Region], tuple[Crossing, ...]]:
+    """Return regions and crossings of a law, with contact where the law tells its gap and no region has a depth."""
+    regions, crossings = _regions_of(part), part.crossings
+    if not part.contact or any(region.indentation for region in regions.values()):
+        return regions, crossings
+    depth = f"{in_brackets(part.contact)} - D_nm"
+    touched = {one.target for one in crossings if one.direction < 0 and one.level == part.contact}
+    if touched:
+        told = {key: replace(one, indentation=depth) if key in touched else one for key, one in regions.items()}
+        return told, crossings
+    if crossings:
+        allowed = f"a law with a crossing at its gap of contact, {part.contact}, or one with one region"
+        raise InputError("law", type(part).__name__, allowed, "or the regions of contact have an indentation")
+    ((key, region),) = regions.items()
+    touch = Crossing(key, "contact", part.contact, -1, "touch")
+    release = Crossing("contact", key, part.contact, 1, "release")
+    return {key: region, "contact": replace(region, indentation=depth)}, (touch, release)
+
+
+def _renamed(
+    regions: dict[str, Region], crossings: tuple[Crossing, ...], names: Mapping[str, str]
+) -> tuple[dict[str, Region], tuple[Crossing, ...]]:
+    """Return regions and crossings with other names of parameters."""
+    if not names:
+        return regions, crossings
+    new = {
+        key: replace(
+            region,
+            force=named(region.force, names),
+            elastic=None if region.elastic is None else named(region.elastic, names),
+            states={state: named(rate, names) for state, rate in region.states.items()},
+            impulse=named(region.impulse, names),
+            impulse_force=named(region.impulse_force, names),
+            separation=named(region.separation, names),
+            indentation=named(region.indentation, names),
+            domain=named(region.domain, names),
+        )
+        for key, region in regions.items()
+    }
+    return new, tuple(replace(one, level=named(one.level, names)) for one in crossings)
 
 
 def _comes_later(level: float, others: list[float], direction: int) -> bool:

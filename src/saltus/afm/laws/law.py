@@ -29,6 +29,11 @@ class Law:
     farthest region first. A field that is None takes the value that another law of the sum gives to this name. The
     radius ``R_nm`` is the probe's unless a law has it as a field.
 
+    Three class variables say more. `contact` is the gap at which contact begins, a formula in the parameters. A law
+    that has it needs no region for contact: one is made, of the same force, so that the time in contact is known.
+    `positive` names parameters that must not be 0. `own` names those that another law of a sum may have with
+    another meaning: the second law's then ends with ``_2``.
+
     Parameters
     ----------
     check : bool, optional
@@ -57,17 +62,20 @@ class Law:
     ...
     ...     F_nN: float
     ...     l_nm: float
+    ...     touch_nm: float
+    ...     contact = "touch_nm"
     ...
     ...     @property
     ...     def regions(self):
     ...         return {"everywhere": Region("-F_nN*exp(-D_nm/l_nm)*l_nm/D_nm", domain="D_nm")}
-    >>> law = Yukawa(F_nN=1.0, l_nm=2.0)
+    >>> law = Yukawa(F_nN=1.0, l_nm=2.0, touch_nm=0.3)
     >>> law.parameters, float(law.force_nN(2.0).round(6))
-    ({'F_nN': 1.0, 'l_nm': 2.0}, -0.367879)
+    ({'F_nN': 1.0, 'l_nm': 2.0, 'touch_nm': 0.3}, -0.367879)
     """
 
     positive: ClassVar[tuple[str, ...]] = ()  # parameters that must not be 0, beyond those that never may
     contact: ClassVar[str] = ""  # gap at which contact begins; empty where the law has no contact of its own
+    own: ClassVar[tuple[str, ...]] = ()  # parameters that another law of a sum may have with another meaning
 
     check: InitVar[bool] = True
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from saltus.afm.laws.law import Law
 from saltus.afm.laws.regions import Region
@@ -72,6 +73,8 @@ class Hydration(Law):
     >>> round(float(Hydration(F_nN=2.0, l_nm=0.3).force_nN(0.3)), 6)  # 2/e
     0.735759
     """
+
+    own: ClassVar[tuple[str, ...]] = ("F_nN", "l_nm")
 
     F_nN: float
     l_nm: float
@@ -152,6 +155,8 @@ class Morse(Law):
     >>> float(Morse(U_aJ=0.4, l_nm=0.1, D0_nm=0.3).force_nN(0.3))
     0.0
     """
+
+    own: ClassVar[tuple[str, ...]] = ("U_aJ", "l_nm", "D0_nm")
 
     U_aJ: float
     l_nm: float

@@ -36,14 +36,19 @@ class _Table:
         regions = self.product.regions
         idle = Mode(dict.fromkeys(names, "0"))
         force = {key: sum_of((region.force, region.impulse_force)) for key, region in regions.items()}
-        self.known = Definition(
-            names, self.product.parameters, dict.fromkeys(regions, idle), outputs={"force_nN": force}
-        )
+        domain = {key: region.domain or "1" for key, region in regions.items()}
+        outputs = {"force_nN": force, "domain": domain}
+        self.known = Definition(names, self.product.parameters, dict.fromkeys(regions, idle), outputs=outputs)
 
     def force(self, D: NDArray[np.float64], V: NDArray[np.float64], region: str) -> NDArray[np.float64]:
         states = np.zeros((D.size, len(self.known.states)))
         states[:, 0], states[:, 1] = D.ravel(), V.ravel()
         mode = np.full(D.size, self.known.mode_index(region))
+        outside = evaluate(self.known, "domain", states, mode) < 0.0
+        if outside.any():
+            formula = self.product.regions[region].domain
+            hint = f"there the law is not valid: its domain in region {region!r} is {formula} > 0"
+            raise InputError("D_nm", float(D.ravel()[outside][0]), "in the domain of the law", hint)
         return evaluate(self.known, "force_nN", states, mode).reshape(D.shape)
 
     def levels(self, region: str, direction: int) -> list[tuple[float, str]]:

@@ -103,6 +103,7 @@ class Part(Protocol):
 
     positive: ClassVar[tuple[str, ...]]
     contact: ClassVar[str]
+    own: ClassVar[tuple[str, ...]]
 
     @property
     def regions(self) -> dict[str, Region]:

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple, NoReturn
 
 from saltus import checks
-from saltus.afm.laws import adhesive, contact, long_range, viscous
+from saltus.afm.laws.known import LAWS
 from saltus.afm.laws.law import Law, Sum
 from saltus.afm.models.older_models import is_older, plain_parts
 from saltus.afm.probe.drive import Drive, Drives
@@ -32,12 +32,6 @@ __all__ = [
 
 _KEY = "saltus.afm"  # of `HybridSystem.made_of`
 _OF_MODES = ("k_N_m", "f0_kHz", "Q")  # fields of a probe of which each mode has one
-_LAWS = {
-    name: kind
-    for module in (adhesive, contact, long_range, viscous)
-    for name, kind in vars(module).items()
-    if name in module.__all__ and isinstance(kind, type) and issubclass(kind, Law)
-}
 
 
 class Parts(NamedTuple):
@@ -84,7 +78,9 @@ def _plain_law(law: Law) -> dict[str, Any]:
     if isinstance(law, UnknownLaw):
         return {"name": law.name, "values": dict(law.values)}
     values = {one.name: getattr(law, one.name) for one in fields(law)}
-    plain = {name: value for name, value in values.items() if value is None or isinstance(value, str | int | float)}
+    plain = {
+        name: value for name, value in values.items() if value is None or isinstance(value, str | int | float | tuple)
+    }
     return {"name": type(law).__name__, "values": plain}
 
 
@@ -140,8 +136,8 @@ def _made_again(data: Mapping[str, Any]) -> Parts:
 
 def _parts_in(data: Mapping[str, Any]) -> Parts:
     laws = tuple(
-        _LAWS[one["name"]](**one["values"], check=False)
-        if one["name"] in _LAWS
+        LAWS[one["name"]](**one["values"], check=False)
+        if one["name"] in LAWS
         else UnknownLaw(name=one["name"], values={k: v for k, v in one["values"].items() if checks.is_real(v)})
         for one in data["law"]
     )

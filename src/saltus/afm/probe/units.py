@@ -6,6 +6,7 @@ Pa s (1e-3 nN us/nm**2) bring factors, which the formulas contain.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -33,6 +34,10 @@ _OTHER_UNITS = {
     "m": {"um": 1e-6, "mm": 1e-3, "nm": 1e-9, "cm": 1e-2},
     "kg/m^3": {"g/cm^3": 1e3},
     "Pa": {"GPa": 1e9, "MPa": 1e6, "kPa": 1e3},
+    "degrees": {"rad": 180.0 / math.pi},
+    "nm^3": {"m^3": 1e27, "um^3": 1e9, "zL": 1e3, "aL": 1e6, "fL": 1e9},
+    "V": {"mV": 1e-3, "kV": 1e3, "uV": 1e-6},
+    "A nm^2": {"A m^2": 1e18, "emu": 1e15},
     "ng": {"kg": 1e12, "g": 1e9, "pg": 1e-3, "ug": 1e3, "mg": 1e6, "fg": 1e-6},
 }
 _SLIPS = (1e3, 1e6, 1e9)  # factors by which a value may be too small or too large, where no unit explains it
@@ -86,6 +91,17 @@ QUANTITIES = {
     "Ki_1_ms": Quantity("1/ms", 1e-6, 1e6),
     "tau_us": Quantity("us", 1e-2, 1e7, "+"),
     "permittivity": Quantity("", 1.0, 200.0, "+"),
+    "half_angle_deg": Quantity("degrees", 1.0, 89.0, "+"),
+    "punch_nm": Quantity("nm", 0.5, 1e6, "+"),
+    "thickness_nm": Quantity("nm", 1.0, 1e7, "+"),
+    "nu": Quantity("", 1e-3, 0.5),
+    "V_nm3": Quantity("nm^3", 1e-2, 1e12, "+"),
+    "contact_angle_deg": Quantity("degrees", 0.1, 89.0),
+    "bias_V": Quantity("V", 1e-4, 100.0, "any"),
+    "cpd_V": Quantity("V", 1e-4, 10.0, "any"),
+    "tip_A_nm2": Quantity("A nm^2", 1e-4, 1e6, "any"),
+    "sample_A_nm2": Quantity("A nm^2", 1e-4, 1e6, "any"),
+    "centres_nm": Quantity("nm", 0.05, 1e5, "+"),
 }
 
 
