@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from saltus import checks
 from saltus.afm.laws import adhesive, contact, long_range, viscous
-from saltus.afm.laws.law import Law, Sum
+from saltus.afm.laws.law import Law, Sum, Tabulated
 from saltus.afm.models.older_models import is_older, plain_parts
 from saltus.afm.probe.drive import Drive, Drives
 from saltus.afm.probe.probe import Probe
@@ -37,7 +37,7 @@ _LAWS = {
     for module in (adhesive, contact, long_range, viscous)
     for name, kind in vars(module).items()
     if name in module.__all__ and isinstance(kind, type) and issubclass(kind, Law)
-}
+} | {"Tabulated": Tabulated}
 
 
 class Parts(NamedTuple):
