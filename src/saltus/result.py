@@ -56,6 +56,7 @@ _HOMES = {
     "Curve": "saltus.afm.curves.curve",
     "Bistability": "saltus.afm.curves.bistable_region",
     "FrequencyShift": "saltus.afm.fm.shift_curve",
+    "ReconstructedForce": "saltus.afm.reconstruction.force",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }
 _STORE = "zarr.json"  # file by which a folder is known as a Zarr store

@@ -38,3 +38,6 @@ from .pictures.animation import animate as animate
 from .probe.cantilever import Cantilever as Cantilever
 from .probe.drive import Drive as Drive
 from .probe.probe import Probe as Probe
+from .reconstruction.force import ReconstructedForce as ReconstructedForce
+from .reconstruction.law_fit import LawFit as LawFit
+from .reconstruction.reconstruction import reconstruct_force as reconstruct_force

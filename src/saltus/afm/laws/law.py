@@ -9,13 +9,15 @@ from saltus import checks
 from saltus.afm.laws.common_regions import product, shared_parameters
 from saltus.afm.laws.prescribed import energy_per_cycle_eV, force_nN
 from saltus.afm.laws.regions import Crossing, Region
+from saltus.afm.laws.table_fit import fitted_table
 from saltus.afm.probe.units import checked
+from saltus.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Law", "Sum"]
+__all__ = ["Law", "Sum", "Tabulated"]
 
 _NUMBERS = ("float", "float | None", "int", float, int)  # annotations of fields that take no text
 _RADIUS = 10.0  # nm; radius of the tip by which gaps are ordered where no law of a sum gives it
@@ -106,6 +108,51 @@ class Law:
         """Names and values of the parameters that are given."""
         values = {one.name: getattr(self, one.name) for one in fields(self)}
         return {name: value for name, value in values.items() if checks.is_real(value)}
+
+    @staticmethod
+    def tabulated(D_nm: ArrayLike, F_nN: ArrayLike, sigma_nN: ArrayLike | None = None) -> Tabulated:
+        """Return a smooth law that has the forces of a table.
+
+        It is one analytic formula, or two that meet at a gap where the table bends. Beyond the table the force falls
+        with the distance squared. A motion that comes nearer than the table's least gap ends with an error.
+
+        Parameters
+        ----------
+        D_nm : array_like, shape (row,)
+            Gaps in nm, in ascending order.
+        F_nN : array_like, shape (row,)
+            Forces in nN, positive where they repel.
+        sigma_nN : array_like, shape (row,), optional
+            Standard errors of the forces, in nN: the law need not be nearer.
+
+        Returns
+        -------
+        Tabulated
+            Its ``misfit`` is the greatest difference from the table, over the greatest force.
+
+        Raises
+        ------
+        InputError
+            The gaps do not ascend, there are less than 8, or no formula comes near the forces.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> D = np.linspace(0.3, 5.0, 60)
+        >>> law = Law.tabulated(D, -0.4 / D**2)
+        >>> law.force_nN([0.5, 2.0]).round(3).tolist(), law.misfit < 1e-3
+        ([-1.6, -0.1], True)
+        """
+        gaps, forces = checks.ascending("D_nm", D_nm), checks.array("F_nN", F_nN)
+        errors = None if sigma_nN is None else checks.array("sigma_nN", sigma_nN)
+        for name, values in (("F_nN", forces), ("sigma_nN", forces if errors is None else errors)):
+            if values.shape != gaps.shape:
+                raise InputError(name, list(values.shape), f"one number for each of {len(gaps)} gaps")
+        found = fitted_table(gaps, forces, errors)
+        bend = "" if found.bend_nm is None else repr(found.bend_nm)
+        return Tabulated(
+            far=found.far, near=found.near, bend=bend, least=repr(float(gaps[0])), fitted_to=repr(found.misfit)
+        )
 
     @property
     def parts(self) -> tuple[Law, ...]:
@@ -242,3 +289,52 @@ class Sum(Law):
     def parameters(self) -> dict[str, float]:
         """Names and values of the parameters that the parts give."""
         return shared_parameters(self.parts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tabulated(Law):
+    """A law with the forces of a table; `Law.tabulated` makes it.
+
+    Parameters
+    ----------
+    far : str
+        Force in nN as a formula in ``D_nm``.
+    near : str, optional
+        The same nearer than a gap at which the force bends. There is the tip in contact.
+    bend : str, optional
+        This gap, in nm.
+    least : str
+        Least gap of the table, in nm.
+    fitted_to : str
+        Greatest difference from the table, over the greatest force.
+    check : bool, optional
+        Without effect: a table is no quantity.
+    """
+
+    far: str
+    near: str = ""
+    bend: str = ""
+    least: str
+    fitted_to: str
+
+    @property
+    def misfit(self) -> float:
+        """Greatest difference from the table, over the greatest force."""
+        return float(self.fitted_to)
+
+    @property
+    def regions(self) -> dict[str, Region]:
+        """One for all gaps of the table, or one on each side of the bend."""
+        domain = f"D_nm - ({self.least})"
+        if not self.near:
+            return {"everywhere": Region(self.far, domain=domain)}
+        inside = Region(self.near, indentation=f"{self.bend} - D_nm", domain=domain)
+        return {"far": Region(self.far), "contact": inside}
+
+    @property
+    def crossings(self) -> tuple[Crossing, ...]:
+        """At the bend."""
+        level = self.bend
+        if not level:
+            return ()
+        return Crossing("far", "contact", level, -1, "touch"), Crossing("contact", "far", level, 1, "release")

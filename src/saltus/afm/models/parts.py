@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from saltus import checks
 from saltus.afm.laws.known import LAWS
-from saltus.afm.laws.law import Law, Sum
+from saltus.afm.laws.law import Law, Sum, Tabulated
 from saltus.afm.models.older_models import is_older, plain_parts
 from saltus.afm.probe.drive import Drive, Drives
 from saltus.afm.probe.probe import Probe
@@ -32,6 +32,7 @@ __all__ = [
 
 _KEY = "saltus.afm"  # of `HybridSystem.made_of`
 _OF_MODES = ("k_N_m", "f0_kHz", "Q")  # fields of a probe of which each mode has one
+_LAWS = {**LAWS, "Tabulated": Tabulated}
 
 
 class Parts(NamedTuple):
@@ -136,8 +137,8 @@ def _made_again(data: Mapping[str, Any]) -> Parts:
 
 def _parts_in(data: Mapping[str, Any]) -> Parts:
     laws = tuple(
-        LAWS[one["name"]](**one["values"], check=False)
-        if one["name"] in LAWS
+        _LAWS[one["name"]](**one["values"], check=False)
+        if one["name"] in _LAWS
         else UnknownLaw(name=one["name"], values={k: v for k, v in one["values"].items() if checks.is_real(v)})
         for one in data["law"]
     )

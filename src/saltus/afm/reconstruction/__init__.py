@@ -1,0 +1,1 @@
+"""The force between tip and sample from measured or computed curves, without a law of force."""

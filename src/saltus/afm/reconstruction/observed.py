@@ -1,0 +1,165 @@
+"""What an instrument measures, as averages of the force: the reduced shift and its errors.
+
+A tip that swings by ``A cos`` over the gap D has ``<F z>``, the mean of force times displacement. Its frequency, or the
+lag behind a drive, tells the reduced shift ``Omega = -<F z>/(k A**2)``. By the balance of the first harmonic
+
+    frequency modulation   Omega = ((f/f0)**2 - 1)/2
+    amplitude modulation   Omega = ((f/f0)**2 - 1 + F0/(k A) cos(lag))/2
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from saltus.afm.probe.drive import Drive
+    from saltus.afm.probe.probe import Probe
+
+__all__ = ["LEAST", "Observed", "amplitude_modulation", "frequency_modulation"]
+
+LEAST = 8  # data, at least, of which a force is made
+_LEAST_SPAN = 1e-3  # nm; distances of the data
+_PM_IN_NM = 1e-3
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Data as reduced shifts, ordered by the least gap that is reached, shape (datum,) each."""
+
+    centre: NDArray[np.float64]  # gap in the middle of the oscillation, in nm, of a lever that does not bend
+    deflection: NDArray[np.float64] | None  # mean deflection, in nm, where it is measured
+    amplitude: NDArray[np.float64]  # in nm
+    shift: NDArray[np.float64]  # the reduced shift
+    k: float  # stiffness of the mode, in N/m
+    compliance: float  # of the bent lever, in nm/nN
+    # The same with one reading changed by its standard error: centre, amplitude and reduced shift of each.
+    changed: tuple[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], ...] = ()
+
+    def ordered(self) -> Observed:
+        """The data with ascending least gaps."""
+        order = np.argsort(self.centre + (0.0 if self.deflection is None else self.deflection) - self.amplitude)
+        return replace(
+            self,
+            centre=self.centre[order],
+            deflection=None if self.deflection is None else self.deflection[order],
+            amplitude=self.amplitude[order],
+            shift=self.shift[order],
+            changed=tuple((one[order], two[order], three[order]) for one, two, three in self.changed),
+        )
+
+
+def frequency_modulation(table: pd.DataFrame, probe: Probe, A_nm: float, sigma: Mapping[str, Any] | None) -> Observed:
+    """Return the data of a tip that is held at an amplitude."""
+    f0 = 1e3 * next(iter(probe.f0_kHz))  # type: ignore[arg-type]
+    columns, errors = _read(table, ("shift_Hz",), sigma)
+    amplitude = np.full(len(columns["Zc_nm"]), A_nm)
+
+    def reduced(seen: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return amplitude, seen["shift_Hz"] / f0 * (1.0 + 0.5 * seen["shift_Hz"] / f0)
+
+    return _observed(columns, errors, reduced, probe, 1)
+
+
+def amplitude_modulation(
+    table: pd.DataFrame, probe: Probe, drive: Drive, f_kHz: float, sigma: Mapping[str, Any] | None
+) -> Observed:
+    """Return the data of a tip that is driven at a frequency."""
+    mode = drive.mode if drive.A0_nm is not None else 1
+    k, f0, Q = (list(values)[mode - 1] for values in (probe.k_N_m, probe.f0_kHz, probe.Q))  # type: ignore[arg-type]
+    length = _drive_length(drive, k, f0, Q)
+    columns, errors = _read(table, ("amplitude_nm", "lag_deg"), sigma)
+    if wrong := np.flatnonzero(columns["amplitude_nm"] <= 0.0).tolist():
+        allowed = "above 0, in each row"
+        raise InputError("amplitude_nm", float(columns["amplitude_nm"][wrong[0]]), allowed, f"not in row {wrong[0]}")
+
+    def reduced(seen: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        A = seen["amplitude_nm"]
+        return A, 0.5 * ((f_kHz / f0) ** 2 - 1.0 + length / A * np.cos(np.radians(seen["lag_deg"])))
+
+    return _observed(columns, errors, reduced, probe, mode)
+
+
+def _drive_length(drive: Drive, k: float, f0: float, Q: float) -> float:
+    """Return the amplitude of a drive's force over the stiffness, in nm."""
+    if drive.Y_nm is not None:
+        raise InputError("drive", drive, "a force, as Drive(A0_nm=...)", "light does not show the motion of a base")
+    if drive.F0_nN is not None:
+        return drive.F0_nN / k
+    at = {"f0": f0, "peak": f0 * math.sqrt(max(1.0 - 0.5 / Q**2, 0.0))}.get(str(drive.at), drive.at)
+    ratio = float(at) / f0
+    return float(drive.A0_nm or 0.0) * math.hypot(1.0 - ratio**2, ratio / Q)
+
+
+def _read(
+    table: pd.DataFrame, readings: tuple[str, ...], sigma: Mapping[str, Any] | None
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
+    """Return the columns that count, and the standard errors of some of them; rows with gaps are left out."""
+    wanted = ("Zc_nm", *readings, *(("deflection_pm",) if "deflection_pm" in table.columns else ()))
+    for name in wanted:
+        if name not in table.columns:
+            raise InputError("data", list(map(str, table.columns)), f"columns {', '.join(wanted)}", f"no {name!r}")
+    try:
+        columns = {name: np.asarray(table[name], dtype=float) for name in wanted}
+    except (TypeError, ValueError) as error:
+        raise InputError("data", list(wanted), "columns of numbers", str(error)) from None
+    errors = {
+        name: _error(name, value, len(table))
+        for name, value in checks.mapping("sigma", sigma, "readings to standard errors", known=wanted).items()
+    }
+    whole = np.all([np.isfinite(values) for values in columns.values()], axis=0)
+    if np.count_nonzero(whole) < LEAST:
+        raise InputError("data", int(np.count_nonzero(whole)), f"{LEAST} rows or more with numbers in all columns")
+    span = float(np.ptp(columns["Zc_nm"][whole]))
+    if span < _LEAST_SPAN:
+        hint = f"in m? then they span {span * 1e9:g} nm" if span else "all are one"
+        raise InputError("Zc_nm", span, f"distances that span {_LEAST_SPAN:g} nm or more", hint)
+    return {k: v[whole] for k, v in columns.items()}, {k: v[whole] for k, v in errors.items()}
+
+
+def _error(name: str, value: Any, rows: int) -> NDArray[np.float64]:
+    """Return the standard errors of a reading, one a row."""
+    found = checks.array(f"sigma[{name!r}]", value)
+    if found.shape not in ((), (rows,)) or (found < 0.0).any():
+        raise InputError(f"sigma[{name!r}]", value, "a number that is not negative, or one a row")
+    return np.broadcast_to(found, (rows,)).copy()
+
+
+def _observed(
+    columns: Mapping[str, NDArray[np.float64]],
+    errors: Mapping[str, NDArray[np.float64]],
+    reduced: Any,
+    probe: Probe,
+    mode: int,
+) -> Observed:
+    stiffnesses = list(probe.k_N_m)  # type: ignore[arg-type]
+    amplitude, shift = reduced(columns)
+    if not shift.any():
+        raise InputError(
+            "data", 0.0, "changed by a force", "the frequency, or the lag, is that of a free lever in each row"
+        )
+    bent = columns.get("deflection_pm")
+    changed = []
+    for name, error in errors.items():
+        seen = dict(columns) | {name: columns[name] + error}
+        moved = (seen["deflection_pm"] - columns["deflection_pm"]) * _PM_IN_NM if bent is not None else 0.0
+        changed.append((seen["Zc_nm"] + moved, *reduced(seen)))
+    return Observed(
+        columns["Zc_nm"],
+        None if bent is None else bent * _PM_IN_NM,
+        amplitude,
+        shift,
+        stiffnesses[mode - 1],
+        sum(1.0 / k for k in stiffnesses),
+        tuple(changed),
+    ).ordered()

@@ -1,0 +1,169 @@
+"""Round trips: the curve of a known law, the force that it tells, and the law that has this force."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import saltus
+from saltus import afm
+from saltus.continuation import StepControl
+from saltus.errors import InputError
+
+PROBE = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+CONTACT = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+DOUBLE_LAYER = afm.DLVO(tip_mC_m2=-20.0, sample_mC_m2=-20.0, debye_nm=2.0, H_aJ=0.01)
+
+
+def guessed(law, factor=0.7):
+    """A law with other values."""
+    changed = {"H_aJ": factor, "E_GPa": factor, "debye_nm": 1.2}
+    parts = [type(one)(**{k: v * changed.get(k, 1.0) for k, v in one.parameters.items()}) for one in law.parts]
+    return sum(parts[1:], parts[0])
+
+
+def check(force, law, vary, most):
+    found = force.fit(guessed(law), vary)
+    for name in vary:
+        assert found.values[name] == pytest.approx(law.parameters[name], rel=0.01)
+    wanted = law.force_nN(force.D_nm, R_nm=12.0)
+    assert np.abs(force.F_nN - wanted).max() < most * np.abs(wanted).max()
+    return found
+
+
+@pytest.mark.campaign
+@pytest.mark.filterwarnings("ignore:saltus")
+@pytest.mark.parametrize(("A0", "sought"), [(1.5, ("H_aJ",)), (12.0, ("H_aJ", "E_GPa"))])
+def test_tapping_over_elastic_contact_tells_its_law(A0, sought):
+    """Both ways of a distance curve, whose jumps leave no gap that neither way passes."""
+    drive = afm.Drive(A0_nm=A0)
+    system = afm.model(PROBE, CONTACT, drive, Zc_nm=10.0)
+    curve = afm.distance_curve(system, (0.75 * A0, A0 + 6.0), steps=StepControl(largest=0.1))
+    ways = pd.concat([curve.path(way).to_dataframe() for way in curve.directions], ignore_index=True)
+    force = afm.reconstruct_force(ways, PROBE, drive=drive)
+    bounds = {"H_aJ": (0.01, 1.0), "E_GPa": (0.1, 10.0)}  # the small motion is attracted all the way
+    found = check(force, CONTACT, {name: bounds[name] for name in sought}, 0.06)
+    assert "H_aJ = 0.12" in str(found)
+
+
+@pytest.mark.campaign
+@pytest.mark.filterwarnings("ignore:saltus")
+@pytest.mark.parametrize("A", [0.2, 10.0])
+def test_frequency_shifts_tell_the_law_that_makes_them(A):
+    drive = afm.Drive(A0_nm=A)
+    system = afm.model(PROBE, DOUBLE_LAYER, drive, Zc_nm=A + 5.0)
+    shifts = afm.frequency_shift(system, (A + 1.2, A + 17.2), A, points=101)
+    force = afm.reconstruct_force(shifts.to_xarray(), PROBE, A_nm=A)
+    check(force, DOUBLE_LAYER, {"H_aJ": (0.001, 0.1), "debye_nm": (0.5, 5.0)}, 0.01)
+
+
+def averaged(law, nearest, A):
+    """Data of a stiff lever: Giessibl's average of a law's force on the way in, by many angles."""
+    angles = (np.arange(4000) + 0.5) * np.pi / 4000
+    gaps = nearest[:, None] + A * (1.0 + np.cos(angles))
+    contact = law.force_nN(gaps, "contact", R_nm=12.0) if len(law.regions) > 1 else 0.0
+    far = law.force_nN(gaps, next(iter(law.regions)), R_nm=12.0)
+    force = np.where(gaps < 0.3, contact, far) if len(law.regions) > 1 else far
+    shift = -300e3 * (force * np.cos(angles)).mean(axis=1) / (26e3 * A)
+    return {"Zc_nm": nearest + A, "shift_Hz": shift, "deflection_pm": 0.0 * nearest}
+
+
+STIFF = afm.Probe(k_N_m=26e3, f0_kHz=300.0, Q=400.0, R_nm=12.0, check=False)
+
+
+@pytest.fixture(scope="module", params=[0.2, 10.0])
+def contact(request):
+    nearest = np.concatenate([np.linspace(-1.0, 1.0, 60), np.geomspace(1.05, 8.0, 30)])
+    return afm.reconstruct_force(averaged(CONTACT, nearest, request.param), STIFF, A_nm=request.param)
+
+
+@pytest.mark.filterwarnings("ignore:saltus")
+def test_averages_tell_the_law_of_contact_at_small_and_large_amplitudes(contact):
+    check(contact, CONTACT, {"H_aJ": (0.01, 1.0), "E_GPa": (0.1, 10.0)}, 0.03)
+
+
+@pytest.mark.filterwarnings("ignore:saltus")
+def test_an_origin_and_a_radius_can_be_unknown():
+    nearest = np.geomspace(0.4, 8.0, 50)
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3)
+    data = averaged(law, nearest, 5.0)
+    moved = data | {"Zc_nm": data["Zc_nm"] + 0.25}
+    found = afm.reconstruct_force(moved, STIFF, A_nm=5.0).fit(
+        law, {"H_aJ": (0.01, 1.0), "origin_nm": (-0.35, 1.0)}, D_nm=(0.6, 9.0)
+    )
+    assert found.values["origin_nm"] == pytest.approx(-0.25, abs=0.003)
+    assert found.values["H_aJ"] == pytest.approx(0.12, rel=0.01)
+    assert abs(found.correlation[0, 1]) > 0.5
+    radius = afm.reconstruct_force(data, STIFF, A_nm=5.0).fit(law, {"R_nm": (5.0, 50.0)}, R_nm=20.0)
+    assert radius.values["R_nm"] == pytest.approx(12.0, rel=0.01)
+
+
+@pytest.mark.filterwarnings("ignore:saltus")
+def test_errors_of_a_fit_are_those_of_repeated_noise():
+    rng, law = np.random.default_rng(11), afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3)
+    data = averaged(law, np.geomspace(0.5, 8.0, 60), 5.0)
+    noise = 0.01 * np.abs(data["shift_Hz"]).max()
+    pulls = []
+    for _ in range(20):
+        noisy = data | {"shift_Hz": data["shift_Hz"] + noise * rng.normal(size=60)}
+        force = afm.reconstruct_force(noisy, STIFF, A_nm=5.0, sigma={"shift_Hz": noise})
+        found = force.fit(law, {"H_aJ": (0.01, 1.0)})
+        pulls.append((found.values["H_aJ"] - 0.12) / found.sigma["H_aJ"])
+    assert 0.6 < np.std(pulls) < 1.4
+    assert abs(np.mean(pulls)) < 0.7
+
+
+def test_a_law_of_the_force_gives_the_force_back(contact):
+    law = contact.law()
+    assert law.misfit < 0.05
+    np.testing.assert_allclose(
+        law.force_nN(contact.D_nm), contact.F_nN, atol=1.01 * law.misfit * np.abs(contact.F_nN).max()
+    )
+
+
+def test_a_force_survives_its_file_and_is_drawn(contact, tmp_path):
+    import matplotlib
+
+    matplotlib.use("Agg")
+    assert saltus.load(contact.save(tmp_path / "force.nc")) == contact
+    axes = contact.plot({"a law": CONTACT})
+    assert [axes.get_xlabel(), axes.get_ylabel()] == ["gap $D$ (nm)", "force (nN)"]
+    assert "a law" in [text.get_text() for text in axes.get_legend().get_texts()]
+    with pytest.raises(InputError, match=r"laws\['b'\] = 3: must be a Law"):
+        contact.plot({"b": 3})
+    assert f"ReconstructedForce by matrix of {len(contact.shift)} data" in repr(contact)
+
+
+def test_wrong_fits_are_told(contact):
+    for law, vary, options, told in (
+        (3, {"H_aJ": (0.1, 1.0)}, {}, "law = 3: must be a Law"),
+        (CONTACT, {}, {}, "vary = {}: must be one or more of"),
+        (CONTACT, {"H": (0.1, 1.0)}, {}, "vary = 'H'"),
+        (CONTACT, {"H_aJ": (0.5, 1.0)}, {}, "H_aJ = 0.12: must be between 0.5 and 1"),
+        (CONTACT, {"H_aJ": (1.0, 0.1)}, {}, r"vary\['H_aJ'\]"),
+        (CONTACT, {"H_aJ": (0.01, 1.0)}, {"D_nm": (50.0, 60.0)}, "D_nm = .*: must be a range with more than 1 data"),
+        (afm.SLS(k1_N_m=2.0, k2_N_m=4.0, c_uNs_m=1.0), {"k1_N_m": (1.0, 3.0)}, {}, "without states of its own"),
+    ):
+        with pytest.raises(InputError, match=told):
+            contact.fit(law, vary, **options)
+
+
+@pytest.mark.filterwarnings("ignore:saltus")
+def test_what_the_data_do_not_tell_has_an_infinite_error():
+    data = averaged(CONTACT, np.geomspace(0.4, 8.0, 40), 5.0)  # never in contact
+    found = afm.reconstruct_force(data, STIFF, A_nm=5.0).fit(CONTACT, {"E_GPa": (0.1, 10.0)})
+    assert found.sigma["E_GPa"] == np.inf
+
+
+@pytest.mark.filterwarnings("ignore:saltus")
+def test_a_hysteretic_law_counts_on_both_ways():
+    """The mean of both ways of a neck has the averages of half of it, where only the way out is wet."""
+    neck = afm.Neck(gamma_N_m=0.02, h_nm=0.5, on_nm=0.6, off_nm=1.5)
+    nearest, A = np.linspace(0.3, 0.55, 30), 5.0
+    angles = (np.arange(4000) + 0.5) * np.pi / 4000
+    gaps = nearest[:, None] + A * (1.0 + np.cos(angles))
+    wet = -4.0 * np.pi * 0.02 * 12.0 / (1.0 + gaps / 0.5) ** 2
+    force = 0.5 * (np.where(gaps < 0.6, wet, 0.0) + np.where(gaps < 1.5, wet, 0.0))
+    shift = -300e3 * (force * np.cos(angles)).mean(axis=1) / (26e3 * A)
+    data = {"Zc_nm": nearest + A, "shift_Hz": shift, "deflection_pm": 0.0 * shift}
+    found = afm.reconstruct_force(data, STIFF, A_nm=A).fit(neck, {"gamma_N_m": (0.001, 0.1)})
+    assert found.values["gamma_N_m"] == pytest.approx(0.02, rel=0.02)
