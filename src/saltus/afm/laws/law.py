@@ -9,9 +9,11 @@ from saltus import checks
 from saltus.afm.laws.common_regions import product, shared_parameters
 from saltus.afm.laws.prescribed import energy_per_cycle_eV, force_nN
 from saltus.afm.laws.regions import Crossing, Region
-from saltus.afm.probe.units import checked
+from saltus.afm.probe.units import checked, known_names
 
 if TYPE_CHECKING:
+    from typing import Self
+
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
@@ -70,6 +72,11 @@ class Law:
     contact: ClassVar[str] = ""  # gap at which contact begins; empty where the law has no contact of its own
 
     check: InitVar[bool] = True
+
+    def __new__(cls, *_: object, **given: object) -> Self:
+        """Return a law without values, once the names of the arguments are known."""
+        known_names(cls, given)
+        return super().__new__(cls)
 
     def __post_init__(self, check: bool) -> None:
         checks.flag("check", check)
