@@ -12,7 +12,7 @@ from saltus.afm.curves.sheets import CLEAR, CLEAR_NM, STEPS, Tracing, free_ampli
 from saltus.afm.models.modelling import frequency_of
 from saltus.afm.models.parts import driven_mode, parts_of
 from saltus.afm.models.readings import formulas
-from saltus.afm.models.settling import periods_of_patience
+from saltus.afm.models.settling import periods_of_patience, stays_in_contact
 from saltus.afm.probe.units import check_changes, suffix
 from saltus.continuation import StepControl, continue_orbit
 from saltus.errors import InputError
@@ -195,7 +195,7 @@ def approach_jumps(
     """Return the distances at which an approach from afar jumps in a range, in nm."""
     how = Tracing("Zc_nm", Zc_nm, steps, progress=False)
     curve = reached(how, from_afar(system, parameters, Zc_nm[1], steps), "deflection")
-    return [jump.value for jump in curve.jumps if jump.direction == curve.directions[0]]
+    return [jump.value for jump in curve.ways[0].jumps if not (jump.window or stays_in_contact(jump.after))]
 
 
 def _at_frequency(system: HybridSystem, p: dict[str, float], f_kHz: float | str | None) -> dict[str, float]:
