@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from saltus.afm.models.settling import periods_of_patience
+from saltus.afm.models.settling import periods_of_decay
 from saltus.continuation import Branch
 from saltus.errors import SaltusError
 from saltus.orbits import PeriodicOrbit, find_orbit
@@ -16,7 +16,8 @@ __all__ = ["Window", "carried_on"]
 _FIRST = 5e-4  # first step beyond the end of a stretch, over the range
 _GROWTH = 1.35  # ratio of a step and the one before
 _LARGEST = 0.025  # largest step, over the range
-_DISCARDED = 0.5  # periods at each place that are not looked at, over those of patience
+_DISCARDED = 4.0  # periods at each place that are not looked at, over those in which a free motion falls to 1/e
+_FEWEST = 100  # periods at each place that are not looked at, at the least
 _KEPT = 100  # periods at each place in which a motion is to repeat
 _TURNS = 16  # periods of the longest orbit that is found
 
@@ -69,10 +70,10 @@ class _March(NamedTuple):
 
 def _motions(branch: Branch, value: float, before: PeriodicOrbit, end: float, span: float) -> Iterator[PeriodicOrbit]:
     system, name, parameters = branch.system, branch.parameter, before.parameters
-    patience = int(_DISCARDED * periods_of_patience(parameters))
+    discarded = max(_FEWEST, int(_DISCARDED * periods_of_decay(parameters)))
     x, mode = before.x0, before.segments[0].mode
     for place in _places(value, end, span):
-        options = SweepOptions(mode=mode, discard=patience, keep=_KEPT, workers=1)
+        options = SweepOptions(mode=mode, discard=discarded, keep=_KEPT, workers=1)
         held = {one: number for one, number in parameters.items() if one != name}
         try:
             motion = run_sweep(system, name, [place], parameters=held, x0=x, options=options).at(place)
