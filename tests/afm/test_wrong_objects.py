@@ -22,8 +22,11 @@ def test_a_system_that_is_none_is_told_at_every_door(wrong):
             door()
 
 
-def test_a_list_of_drives_is_told():
+def test_a_list_of_drives_is_taken_and_another_list_is_told():
     probe, law = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=450.0, R_nm=9.0), afm.Hertz(E_GPa=50.0)
-    for wrong in ([afm.Drive(A0_nm=10.0)], None, 3, afm.Drive):
-        with pytest.raises(InputError, match="drive = .*: must be a Drive or a Drives"):
+    drives = [afm.Drive(A0_nm=10.0), afm.Drive(A0_nm=1.0, ratio=6)]
+    listed, added = (afm.model(probe, law, drive, Zc_nm=9.0) for drive in (drives, drives[0] + drives[1]))
+    assert listed.definition() == added.definition()
+    for wrong in ([], [3], [afm.Drive(A0_nm=10.0), None], None, 3, afm.Drive):
+        with pytest.raises(InputError, match="drive = .*: must be a Drive, a sum of them, or a sequence of them"):
             afm.model(probe, law, wrong, Zc_nm=9.0)

@@ -16,7 +16,7 @@ from saltus.continuation.results.special_points import SpecialPoint
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
@@ -170,9 +170,14 @@ def draw_pieces(ax: Axes, pieces: Iterable[Piece]) -> None:
 
 
 def draw_special(
-    ax: Axes, branch: OneParameter[Any], x: str, y: str, drawn: Iterable[SpecialPoint[Any]] | None = None
+    ax: Axes,
+    branch: OneParameter[Any],
+    x: str,
+    y: str,
+    drawn: Iterable[SpecialPoint[Any]] | None = None,
+    words: Mapping[str, str] | None = None,
 ) -> None:
-    """Draw special points of a branch, by default all, with a label for each type."""
+    """Draw special points of a branch, by default all, with a label for each type; words: labels of one's own."""
     chosen = [*(branch.special_points if drawn is None else drawn)]
     for kind in dict.fromkeys(point.type for point in chosen):
         marker = style.SPECIAL.get(kind, replace(style.EVENT, meaning=""))
@@ -180,7 +185,7 @@ def draw_special(
         ax.plot(
             [_at(branch, point, x) for point in points],
             [_at(branch, point, y) for point in points],
-            label=f"{kind}, {marker.meaning}" if marker.meaning else style.plain(kind),
+            label=(words or {}).get(kind) or (f"{kind}, {marker.meaning}" if marker.meaning else style.plain(kind)),
             zorder=5 if kind in ("SN", *_MEETINGS) else 6,
             **marker.options(),
         )

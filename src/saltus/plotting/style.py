@@ -190,17 +190,19 @@ def new_figure(**options: Any) -> Figure:
         raise InputError("MPLBACKEND", get_backend(), wanted, f"agg can be; {error}") from error
 
 
-def panels_of(ax: Sequence[Axes] | None) -> tuple[Axes, Axes]:
-    """Return two Axes, one above the other: those given, or new ones with a common axis below."""
+def panels_of(ax: Sequence[Axes] | Axes | None, count: int = 2) -> tuple[Axes, ...]:
+    """Return Axes, one above the other: those given, or new ones with a common axis below."""
     if ax is None:
-        upper, lower = new_figure(figsize=(6.4, 6.4)).subplots(2, 1, sharex=True)
-        return upper, lower
+        height = {1: 4.0, 2: 6.4}.get(count, 2.4 * count + 0.8)
+        drawn = new_figure(figsize=(6.4, height)).subplots(count, 1, sharex=True, squeeze=False)
+        return tuple(drawn[:, 0])
     from matplotlib.axes import Axes
 
     given = [*ax] if not isinstance(ax, Axes) else [ax]
-    if len(given) != 2 or not all(isinstance(panel, Axes) for panel in given):
-        raise InputError("ax", ax, "two Axes, the upper and the lower one")
-    return given[0], given[1]
+    if len(given) != count or not all(isinstance(panel, Axes) for panel in given):
+        allowed = {1: "one Axes", 2: "two Axes, the upper and the lower one"}
+        raise InputError("ax", ax, allowed.get(count, f"{count} Axes, from the upper to the lower one"))
+    return tuple(given)
 
 
 def check_matplotlib() -> None:

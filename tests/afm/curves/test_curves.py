@@ -139,14 +139,22 @@ def test_a_way_that_is_written_as_a_text_file_is_read_back_the_same(curve, tmp_p
     assert all(np.array_equal(picked[name], table[name]) for name in picked)
 
 
-@pytest.mark.campaign
-def test_the_static_pull_in_ends_a_curve_with_that_reason():
-    """At small amplitude the tip is pulled in at 1.5 (H R/3k)^(1/3), where its static equilibrium ends."""
+def test_the_ways_go_through_snap_in_and_pull_off_where_static_equilibria_end():
+    """At small amplitude the snap-in is at 1.5 (H R/3k)^(1/3), the pull-off at a0 + H R/(6 k a0^2)."""
     probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=12.0)
     system = afm.model(probe, LAW, afm.Drive(A0_nm=1e-3), Zc_nm=20.0)
     curve = afm.distance_curve(system, (0.0, 5.0))
-    stopped = curve.path("approach").attrs["stopped"]
-    assert stopped.endswith("static pull-in: beyond, the tip stays in contact")
+    assert curve.path("approach").attrs["stopped"] == "Zc_nm = 0: the end of the range; the tip stays in contact"
+    assert curve.path("retract").attrs["stopped"] == "Zc_nm = 5: the end of the range"
+    snap_in, pull_off = curve.jumps
+    assert snap_in.value == pytest.approx(1.5 * (0.12 * 12.0 / 6.0) ** (1 / 3), rel=1e-5)
+    assert pull_off.value == pytest.approx(0.3 + 0.12 * 12.0 / (6.0 * 2.0 * 0.3**2), rel=1e-4)
+    assert str(snap_in).startswith("approach at Zc_nm = 0.932")
+    assert [jump.what for jump in curve.jumps] == ["snap-in: the tip stays in contact", "pull-off: the tip comes off"]
+    held = afm.observables(snap_in.after)  # below its resonance the tip follows the drive as the springs together do
+    stiffness = 2.0 + 2.0 * 1.5 * math.sqrt(12.0 * (0.3 - snap_in.after.max["D_nm"]))
+    assert held["amplitude_nm"] == pytest.approx(2.0 * 1e-3 / 150.0 / (stiffness - 2.0), rel=1e-3)
+    assert held["contact_fraction"] == pytest.approx(1.0)
     assert curve.branches[0]["SN1"].parameters["Zc_nm"] == pytest.approx(1.5 * (0.12 * 12.0 / 6.0) ** (1 / 3), rel=1e-5)
     assert len(curve) < 400
 
@@ -180,6 +188,19 @@ def test_the_natural_frequency_is_that_of_the_mode_that_is_driven():
         for name, wanted in (("f0", f0), ("peak", f0 * math.sqrt(1.0 - 0.5 / Q**2))):
             curve = afm.distance_curve(system, (19.0, 20.0), f_kHz=name)
             assert curve.branches[0].parameters["f_kHz"] == pytest.approx(wanted, rel=1e-14)
+
+
+def test_special_points_have_their_motions_and_jumps_are_told_in_words(curve):
+    fold = next(feature for feature in curve.special_points if feature.label == "SN1")
+    assert fold.orbit.multipliers.real.max() == pytest.approx(1.0, abs=1e-6)
+    assert fold.parameters["Zc_nm"] == fold.value
+    assert afm.observables(fold.orbit)["amplitude_nm"] == pytest.approx(fold.amplitude_nm)
+    told = [str(jump) for jump in curve.jumps]
+    assert told == [
+        "approach at Zc_nm = 9.87834: the amplitude jumps up, amplitude from 9.847 to 10.6 nm",
+        "retract at Zc_nm = 11.5029: the amplitude jumps down, amplitude from 11.99 to 11.19 nm",
+    ]
+    assert curve.jumps[0].before.parameters["Zc_nm"] == pytest.approx(curve.jumps[0].value)
 
 
 def test_bad_input_is_told(lever, curve, impact_oscillator):
@@ -288,7 +309,8 @@ def test_a_soft_lever_has_its_motions_in_permanent_contact_whatever_the_range():
     stiffness = 0.3 + 2.0 * 1.5 * math.sqrt(10.0 * (0.3 - 0.5 * (held.min["D_nm"] + held.max["D_nm"])))
     drive = 0.3 * 10.0 / 100.0  # nN
     assert stable_at(wide, 5.0)[0] == pytest.approx(drive / (stiffness - 0.3), rel=0.01)
-    assert wide.ways[0].stopped.endswith("static pull-in: beyond, the tip stays in contact")
+    assert wide.ways[0].stopped == "Zc_nm = -20: the end of the range; the tip stays in contact"
+    assert [jump.what.split(":")[0] for jump in wide.jumps] == ["snap-in", "pull-off"]
 
 
 @pytest.mark.campaign

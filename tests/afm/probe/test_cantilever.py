@@ -137,3 +137,16 @@ def test_count_of_modes_that_is_none_is_refused(n):
         with pytest.raises(InputError) as error:
             method(n)
         assert str(error.value) == f"n = {n!r}: must be an integer >= 1"
+
+
+def test_units_of_a_lever_are_those_of_the_other_quantities_by_their_names():
+    lever = Cantilever.from_measured(k_N_m=2.0, f0_kHz=70.0, Q=200.0)
+    assert lever == Cantilever.from_measured(**MEASURED)
+    beam = Cantilever.from_geometry(length_um=240, width_um=64, thickness_um=2.1, density_kg_m3=2300, young_GPa=176)
+    assert (beam.k, beam.f0) == pytest.approx((Cantilever(**BEAM).k, Cantilever(**BEAM).f0), rel=1e-14)
+    with pytest.raises(InputError, match=r"f0 = 300\.0: must be at least 1000 Hz; in kHz\? then f0_kHz=300$"):
+        Cantilever.from_measured(k=26.0, f0=300.0, Q=400.0)
+    with pytest.raises(InputError, match="k_N_m = 2.0: must be given once, without k"):
+        Cantilever.from_measured(k_N_m=2.0, k=2.0, f0_kHz=70.0, Q=200.0)
+    slow = Cantilever.from_measured(k_N_m=0.01, f0_kHz=0.3, Q=20.0)
+    assert eval(repr(slow), {"Cantilever": Cantilever}) == slow

@@ -21,7 +21,7 @@ BEAM_NG = 240e-6 * 64e-6 * 2.1e-6 * 2300.0 * 1e12
 
 
 def test_optical_weights_and_frequencies_of_a_uniform_beam():
-    lever = afm.Cantilever.from_measured(k=2.0, f0=70e3, Q=150.0)
+    lever = afm.Cantilever.from_measured(k_N_m=2.0, f0_kHz=70.0, Q=150.0)
     probe = afm.Probe.from_cantilever(lever, modes=4, R_nm=10.0)
     np.testing.assert_allclose(probe.optical_weights, [1.0, 3.473127, 5.701878, 7.988279], atol=5e-7)
     np.testing.assert_allclose(np.array(probe.f0_kHz) / 70.0, [1.0, 6.266893, 17.547482, 34.386061], atol=5e-7)
@@ -93,7 +93,7 @@ def test_a_probe_is_told_what_is_missing_or_too_much():
         ("R_nm", 2e5, "in pm? then it is 200 nm"),
         ("k_N_m", 2e-4, "in N/mm? then it is 0.2 N/m"),
         ("f0_kHz", 3e8, "in mHz? then it is 300 kHz"),
-        ("Q", 0.4, "1000 times too small? then it is 400"),
+        ("Q", 0.4, "below 0.5 a lever creeps back to rest and does not swing; in water Q is 1 to 5"),
         ("permittivity", 78e3, "1000 times too large? then it is 78"),
         ("Q", 1e30, "and 1e+07; check"),
         ("k_N_m", 40e3, "in mN/m? then it is 40 N/m"),
@@ -145,7 +145,8 @@ def test_a_slip_of_units_is_named_wherever_it_is_not_plausible(call):
             quantity = QUANTITIES[name]
             if quantity.low <= abs(value * slip) <= quantity.high:
                 continue
-            with pytest.raises(InputError, match=f"^{name} = .*\\? then it is .*; check=False insists$"):
+            told = quantity.below if quantity.below and abs(value * slip) < quantity.low else ".*\\? then it is .*"
+            with pytest.raises(InputError, match=f"^{name} = .*{told}; check=False insists$"):
                 call(**values | {name: value * slip})
     assert all(quantity.high < 1e9 * abs(value) for name, value in values.items() for quantity in [QUANTITIES[name]])
 
@@ -194,6 +195,45 @@ def test_slips_of_ranges_and_changed_parameters_are_told_before_anything_is_comp
         afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=2e5, check=False), law, afm.Drive(12.0), Zc_nm=10.0
     )
     check_changes(own.parameters, {"R_nm": 3e5})
+
+
+def test_a_frequency_is_held_against_that_of_the_lever_and_against_its_mass():
+    values = {"k_N_m": 3.0, "f0_kHz": 75.0, "Q": 200.0, "R_nm": 10.0}
+    with pytest.raises(InputError, match=r"f0_kHz = 75000\.0: .*1\.4e-05 ng; in Hz\? then it is 75 kHz; check=False"):
+        afm.Probe(**values | {"f0_kHz": 75e3})
+    with pytest.raises(InputError, match=r"f0_kHz = 0\.3: .*in MHz\? then it is 300 kHz"):
+        afm.Probe(**values | {"k_N_m": 26.0, "f0_kHz": 0.3})
+    assert afm.Probe(**values | {"f0_kHz": 75e3}, check=False).f0_kHz == (75e3,)
+    afm.Probe(k_N_m=0.1, f0_kHz=3500.0, Q=2.0, R_nm=3.0)  # of high-speed microscopes
+    afm.Probe(k_N_m=1800.0, f0_kHz=32.7, Q=1e5, R_nm=5.0)  # a qPlus
+    probe, law = afm.Probe(**values), afm.Hertz(E_GPa=1.0)
+    for drive, at in ((afm.Drive(10.0), {"f_kHz": 75e3}), (afm.Drive(10.0, at=75e3), {})):
+        with pytest.raises(InputError, match=r"= 75000\.0: .*in Hz\? then it is 75 kHz; check=False insists"):
+            afm.model(probe, law, drive, Zc_nm=8.0, **at)
+    system = afm.model(probe, law, afm.Drive(10.0), Zc_nm=8.0)
+    with pytest.raises(InputError, match=r"f_kHz = 80000\.0: .*in Hz\? then it is 80 kHz; a model with such a value"):
+        afm.frequency_curve(system, (70e3, 80e3))
+
+
+def test_arguments_of_other_names_are_told_the_nearest_one():
+    for call, other, name in (
+        (afm.Probe, {"k": 3.0}, "k_N_m"), (afm.Probe, {"optical": 3.0}, "optical_weights"),
+        (afm.Drive, {"A0": 3.0}, "A0_nm"), (afm.Hertz, {"E": 1.0}, "E_GPa"),
+        (afm.VanDerWaals, {"H_aJ": 1.0, "a0": 0.3}, "a0_nm"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=f"did you mean '{name}'"):
+            call(**other)
+
+
+def test_a_drive_without_an_amplitude_is_refused():
+    for call in (afm.Drive, afm.Drive.base, afm.Drive.force):
+        with pytest.raises(InputError, match="above 0; without a drive nothing swings; check=False insists"):
+            call(0.0)
+        assert call(0.0, check=False).size[1] == 0.0
+    probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=10.0)
+    system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=10.0), Zc_nm=20.0)
+    with pytest.raises(InputError, match="without a drive nothing swings"):
+        afm.distance_curve(system, (5.0, 15.0), parameters={"A0_nm": 0.0})
 
 
 def test_signs_that_are_never_allowed_are_refused_without_check_too():

@@ -7,12 +7,13 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
-from saltus.afm.curves.routes import Jump, Landing, Way, way_along
+from saltus.afm.curves.features import WORDS, Feature, Jump
+from saltus.afm.curves.routes import Landing, Way, way_along
 from saltus.afm.models.parts import check_model, values_of
 from saltus.afm.models.readings import CONVENTIONS, formulas, readings_of, regime, shown_phase, turns_of
 from saltus.contents import Contents
@@ -36,16 +37,6 @@ _DIRECTIONS = {"Zc_nm": ("approach", "retract"), "f_kHz": ("down", "up")}  # of 
 _NONE = np.empty(0)
 _BESIDE = 0.125  # distance of a failure, over the range, that is next to a place
 _ALWAYS = 1.0 - 1e-9  # share of the time in contact of a tip that never leaves it, less rounding
-
-
-class Feature(NamedTuple):
-    """A special point of a curve in an instrument's words."""
-
-    label: str  # its label on its sheet, as ``SN1``
-    what: str  # what happens there: a jump, contact begins or ends, the motion's period doubles
-    value: float  # the distance or frequency
-    amplitude_nm: float  # the amplitude there
-    sheet: int  # the branch on which it lies
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -232,16 +223,12 @@ class Curve(Result):
     @property
     def special_points(self) -> tuple[Feature, ...]:
         """Special points of all sheets in an instrument's words."""
-        words = {
-            "SN": "the amplitude jumps", "GR": "contact begins or ends", "PD": "the period doubles",
-            "TR": "a slow modulation sets in", "BP": "branches meet",
-        }  # fmt: skip
         found = []
         for sheet, branch in enumerate(self.branches):
             for point in branch.special_points:
                 amplitude = branch.value_at(point, self.formula("amplitude_nm"))
-                what = words.get(point.type, point.type)
-                found.append(Feature(point.label, what, point.value(self.along), amplitude, sheet))
+                what = WORDS.get(point.type, point.type)
+                found.append(Feature(point.label, what, point.value(self.along), amplitude, sheet, point.orbit))
         return tuple(found)
 
     def at(self, value: float | None = None, **place: float) -> tuple[PeriodicOrbit, ...]:
@@ -297,12 +284,15 @@ class Curve(Result):
 
     @property
     def jumps(self) -> tuple[Jump, ...]:
-        """Jumps on the ways in and out: where, from which amplitude, to which."""
-        formula = self._formulas["amplitude_nm"]
+        """Jumps on the ways in and out: where, from which amplitude, to which.
+
+        A way that goes on behind a window of other motions does not jump there; `path` has the window.
+        """
         return tuple(
-            Jump(name, jump.value, jump.before.observe(formula)[formula], jump.after.observe(formula)[formula])
+            Jump.of(name, self.along, jump, self._formulas["amplitude_nm"])
             for way, name in zip(self.ways, self.directions, strict=True)
             for jump in way.jumps
+            if not jump.window
         )
 
     def path(self, direction: str) -> xr.Dataset:
@@ -320,7 +310,8 @@ class Curve(Result):
         -------
         xarray.Dataset
             Along ``point``, in the order of the experiment: the varied parameter, the readings and ``sheet``. ``jump``
-            is True at the first point behind a jump. The attribute ``stopped`` says why the way ends.
+            is True at the first point behind a jump or a window. The attribute ``stopped`` says why the way ends,
+            ``windows`` where other motions lie between two sheets, as JSON: begin, end, what the motion does.
 
         Raises
         ------
@@ -348,6 +339,8 @@ class Curve(Result):
         data |= {"sheet": ("point", found["sheet"].astype(np.int64)), "jump": ("point", found["jump"].astype(bool))}
         coords = {self.along: ("point", found[self.along], self._attributes(self.along))}
         attrs = {"direction": direction, "stopped": way.stopped, "phase_convention": self.phase_convention}
+        if way.windows:
+            attrs["windows"] = json.dumps(way.windows)
         return xr.Dataset(data, coords, attrs)
 
     def _reading_at(
@@ -427,7 +420,9 @@ class Curve(Result):
         ]
         if "contact_fraction" in self.readings and self.column("contact_fraction").min() > _ALWAYS:
             lines.append("  contact     at all times: the tip is pulled in at larger distances already")
-        lines += [f"  {name:10}  {way.stopped}" for way, name in zip(self.ways, self.directions, strict=True)]
+        for way, name in zip(self.ways, self.directions, strict=True):
+            lines += [f"  {name:10}  {one.begin:.9g} to {one.end:.9g}: {one.words}" for one in way.windows]
+            lines.append(f"  {name:10}  {way.stopped}")
         lines += [f"  in part     {failure}" for _, failure in self.failures]
         return "\n".join(lines)
 

@@ -10,11 +10,12 @@ from saltus.afm.curves.curve import Curve
 from saltus.afm.curves.routes import is_pulled_in
 from saltus.afm.curves.sheets import CLEAR, CLEAR_NM, STEPS, Tracing, free_amplitude, free_orbit, reached, traced, whole
 from saltus.afm.models.modelling import frequency_of
-from saltus.afm.models.parts import driven_mode
+from saltus.afm.models.parts import driven_mode, parts_of
 from saltus.afm.models.readings import formulas
-from saltus.afm.models.settling import periods_of_patience
+from saltus.afm.models.settling import periods_of_patience, stays_in_contact
 from saltus.afm.probe.units import check_changes, suffix
 from saltus.continuation import StepControl, continue_orbit
+from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit, find_orbit
 
 if TYPE_CHECKING:
@@ -167,6 +168,9 @@ def from_afar(
     steps = steps or STEPS
     patience = periods_of_patience(parameters)
     free = free_amplitude(system, parameters)
+    if free == 0.0:
+        sizes = {drive.size[0] + suffix(i): 0.0 for i, drive in enumerate(parts_of(system).drives.parts, 1)}
+        raise InputError("drive", sizes, "above 0 for one drive at least", "without a drive nothing swings")
     far = max(Zc_nm, CLEAR * free, free + CLEAR_NM)
     start = free_orbit(system, dict(parameters) | {"Zc_nm": far}, free)
     if far == Zc_nm:
@@ -191,7 +195,7 @@ def approach_jumps(
     """Return the distances at which an approach from afar jumps in a range, in nm."""
     how = Tracing("Zc_nm", Zc_nm, steps, progress=False)
     curve = reached(how, from_afar(system, parameters, Zc_nm[1], steps), "deflection")
-    return [jump.value for jump in curve.jumps if jump.direction == curve.directions[0]]
+    return [jump.value for jump in curve.ways[0].jumps if not (jump.window or stays_in_contact(jump.after))]
 
 
 def _at_frequency(system: HybridSystem, p: dict[str, float], f_kHz: float | str | None) -> dict[str, float]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.afm.curves.windows import Window, carried_on
 from saltus.afm.models.parts import driven_mode
 from saltus.afm.models.settling import described, settled, stays_in_contact
 from saltus.afm.probe.units import suffix
@@ -22,7 +24,7 @@ from saltus.orbits import PeriodicOrbit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Jump", "Landing", "Way", "is_pulled_in", "way_along"]
+__all__ = ["Landing", "Way", "is_pulled_in", "way_along"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
 _WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
@@ -39,16 +41,7 @@ class Landing(NamedTuple):
     value: float  # the parameter
     before: PeriodicOrbit  # the last motion of the stretch
     after: PeriodicOrbit  # the motion that settles
-
-
-class Jump(NamedTuple):
-    """A jump on the way of an experiment."""
-
-    direction: str  # the way on which it happens
-    value: float  # distance or frequency
-    # before_nm, after_nm: amplitudes
-    before_nm: float
-    after_nm: float
+    window: bool = False  # whether other motions lie between them
 
 
 @dataclass
@@ -58,8 +51,9 @@ class Way:
     points: list[tuple[int, int]] = field(default_factory=list)  # sheet and point, in order
     first_behind: list[int] = field(default_factory=list)  # places in `points` of the first ones behind a jump
     jumps: list[Landing] = field(default_factory=list)
+    windows: list[Window] = field(default_factory=list)  # parts without a motion that is followed
+    lost: list[Landing] = field(default_factory=list)  # motions on no sheet on which it lands
     stopped: str = ""  # why the way ends
-    beyond: Landing | None = None  # the motion on no sheet on which it ends, if it does so
 
 
 def _told(orbit: PeriodicOrbit) -> str:
@@ -118,18 +112,90 @@ def way_along(
             way.stopped = f"{name} = {reach(here, last=True):.9g}: no more than {_MOST_JUMPS} jumps are followed"
             return way
         landing = _landing(branches[here.sheet], here, sign, span)
-        if isinstance(landing, str):
-            way.stopped = landing
-            return way
-        pulled_in = name == "Zc_nm" and stays_in_contact(landing.after) and not stays_in_contact(landing.before)
-        target = None if pulled_in else _target(branches, stretches, landing.after)
+        target = None if isinstance(landing, str) else _target(branches, stretches, landing.after)
         if target is None:
-            way.stopped, way.beyond = f"{name} = {landing.value:.9g}: {_told(landing.after)}", landing
-            return way
+            passed = _passed(way, branches, stretches, here, landing, sign, bounds)
+            if passed is None:
+                return way
+            target, landing = passed
+            way.jumps.append(landing)
+            way.first_behind.append(len(way.points))
+            here, begin = target, sign * landing.after.parameters[name]
+            continue
+        assert not isinstance(landing, str)
         if not _is_doubled(landing):
             way.jumps.append(landing._replace(after=_at_the_end(branches[target.sheet], landing)))
             way.first_behind.append(len(way.points))
         here, begin = target, sign * landing.value
+
+
+def _passed(
+    way: Way,
+    branches: Sequence[Branch],
+    stretches: Sequence[Stretch],
+    here: Stretch,
+    landing: Landing | str,
+    sign: float,
+    bounds: tuple[float, float],
+) -> tuple[Stretch, Landing] | None:
+    """Return the stretch that is met behind a window, and where; None where none is met, and say why in the way."""
+    branch = branches[here.sheet]
+    name, span, end = branch.parameter, bounds[1] - bounds[0], bounds[1 if sign > 0.0 else 0]
+    last, value = _end_of(branch, here, sign)
+    if isinstance(landing, Landing):
+        told = _told(landing.after)
+        kind = f"other motions, first {described(landing.after).split(':')[0]}"
+        way.lost.append(landing)
+    else:
+        kind = told = landing.split(": ", 1)[-1]
+    way.stopped = f"{name} = {value:.9g}: {told}"
+    if last is None:
+        return None
+    nearest = value
+    for orbit in carried_on(branch, value, last, end, span):
+        place = orbit.parameters[name]
+        target = _target(branches, stretches, orbit)
+        if target is None:
+            way.lost.append(Landing(value, last, orbit, window=True))
+            nearest = place
+            continue
+        reached, met = _begin_of(branches[target.sheet], target, sign, (nearest, orbit))
+        way.stopped = ""
+        way.windows.append(Window(value, met, kind))
+        return target, Landing(value, last, reached, window=True)
+    return None
+
+
+def _end_of(branch: Branch, stretch: Stretch, sign: float) -> tuple[PeriodicOrbit | None, float]:
+    """Return the last motion of a stretch, None where it is not known, and the parameter there."""
+    last = stretch.points[-1 if sign > 0.0 else 0]
+    value = float(branch.values[last])
+    ahead = [
+        point
+        for point in branch.special_points
+        if abs(point.position - last) <= 1.0 and sign * (point.value(branch.parameter) - value) >= 0.0
+    ]
+    if ahead:
+        first = min(ahead, key=lambda point: abs(point.position - last))
+        return first.orbit, first.value(branch.parameter)
+    try:
+        return branch.solution(last), value
+    except ConvergenceError:
+        return None, value
+
+
+def _begin_of(
+    branch: Branch, stretch: Stretch, sign: float, met: tuple[float, PeriodicOrbit]
+) -> tuple[PeriodicOrbit, float]:
+    """Return the first motion of a stretch where it begins behind the place before, and else the one that was met."""
+    before, orbit = met
+    place = orbit.parameters[branch.parameter]
+    first = stretch.points[0 if sign > 0.0 else -1]
+    begins = float(branch.values[first])
+    if sign * (begins - before) > 0.0 and sign * (place - begins) > 0.0:
+        with suppress(ConvergenceError):
+            return branch.solution(first), begins
+    return orbit, place
 
 
 def _from_rest(branches: Sequence[Branch], stretches: Sequence[Stretch], value: float) -> Stretch | None:
@@ -155,20 +221,9 @@ def _held_in(branch: Branch, point: int) -> str:
 
 def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Landing | str:
     """Return where a motion settles beyond the end of a stable stretch, or what it does instead."""
-    last = stretch.points[-1 if sign > 0.0 else 0]
-    value = float(branch.values[last])
-    ahead = [
-        point
-        for point in branch.special_points
-        if abs(point.position - last) <= 1.0 and sign * (point.value(branch.parameter) - value) >= 0.0
-    ]
-    if ahead:
-        first = min(ahead, key=lambda point: abs(point.position - last))
-        return _settled(branch, first.value(branch.parameter), first.orbit, sign * span)
-    try:
-        before = branch.solution(last)
-    except ConvergenceError as error:
-        return f"{branch.parameter} = {value:.9g}: {error}"
+    before, value = _end_of(branch, stretch, sign)
+    if before is None:
+        return f"{branch.parameter} = {value:.9g}: the orbit at its point cannot be found again"
     return _settled(branch, value, before, sign * span)
 
 

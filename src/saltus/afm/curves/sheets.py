@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.afm.curves.curve import Curve
-from saltus.afm.curves.routes import is_pulled_in
+from saltus.afm.curves.routes import Landing, is_pulled_in
 from saltus.afm.models.parts import driven_mode, parts_of
 from saltus.afm.models.readings import drives_of, turns_of
 from saltus.afm.models.settling import (
@@ -123,15 +123,24 @@ def reached(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int) -> C
 
 def _with_landings(curve: Curve, how: Tracing) -> Curve:
     """Return a curve with the sheets on which its ways land."""
-    tried = set[float]()
+    tried = set[tuple[float, float]]()
     for _ in range(_MOST_SHEETS):
-        lost = [way.beyond for way in curve.ways if way.beyond is not None and way.beyond.value not in tried]
-        found = next((landing for landing in lost if _is_traced(landing.after, how)), None)
-        if found is None:
+        lost = [
+            landing
+            for landing in (one for way in curve.ways for one in way.lost)
+            if _is_traced(landing.after, how) and _place(landing, how) not in tried
+        ]
+        if not lost:
             return curve
-        tried.add(found.value)
+        found = min(lost, key=lambda landing: (landing.window, landing.after.form.turns))
+        tried.add(_place(found, how))
         curve = _with_sheet(curve, found.after, how)
     return curve
+
+
+def _place(landing: Landing, how: Tracing) -> tuple[float, float]:
+    """Return where a motion was lost, and where it has landed."""
+    return landing.value, landing.after.parameters[how.along]
 
 
 def _with_resonance(curve: Curve, how: Tracing) -> Curve:
@@ -226,14 +235,10 @@ def _with_sheet(curve: Curve, start: PeriodicOrbit, how: Tracing) -> Curve:
     return replace(curve, branches=(*others, sheet))
 
 
-def _is_traced(orbit: PeriodicOrbit, how: Tracing, *, held: bool = False) -> bool:
-    """Return whether a sheet is followed through a motion: it is stable, in the range, and has no long period.
-
-    A distance curve ends where a way is pulled in; it has motions that stay in contact only if they are asked for.
-    """
+def _is_traced(orbit: PeriodicOrbit, how: Tracing) -> bool:
+    """Return whether a sheet is followed through a motion: it is stable, in the range, and has no long period."""
     inside = how.bounds[0] <= orbit.parameters[how.along] <= how.bounds[1]
-    held = held or how.along != "Zc_nm" or not stays_in_contact(orbit)
-    return inside and orbit.stable and orbit.form.turns <= _LONGEST and held
+    return inside and orbit.stable and orbit.form.turns <= _LONGEST
 
 
 def _uncovered(curve: Curve, places: Sequence[float]) -> Iterator[float]:

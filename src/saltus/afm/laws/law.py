@@ -10,10 +10,12 @@ from saltus.afm.laws.common_regions import product, shared_parameters
 from saltus.afm.laws.prescribed import energy_per_cycle_eV, force_nN
 from saltus.afm.laws.regions import Crossing, Region
 from saltus.afm.laws.table_fit import fitted_table
-from saltus.afm.probe.units import checked
+from saltus.afm.probe.units import checked, known_names
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
+    from typing import Self
+
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
@@ -80,6 +82,11 @@ class Law:
     own: ClassVar[tuple[str, ...]] = ()  # parameters that another law of a sum may have with another meaning
 
     check: InitVar[bool] = True
+
+    def __new__(cls, *_: object, **given: object) -> Self:
+        """Return a law without values, once the names of the arguments are known."""
+        known_names(cls, given)
+        return super().__new__(cls)
 
     def __post_init__(self, check: bool) -> None:
         checks.flag("check", check)

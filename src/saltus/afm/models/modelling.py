@@ -14,12 +14,12 @@ from saltus.afm.laws.law import Law
 from saltus.afm.models.parts import Parts, drive_values, keep_parts, kept
 from saltus.afm.probe.drive import Drive, Drives
 from saltus.afm.probe.probe import Probe
-from saltus.afm.probe.units import checked, quantity_of, suffix
+from saltus.afm.probe.units import check_drive_frequency, checked, quantity_of, suffix
 from saltus.errors import InputError
 from saltus.system import HybridSystem, Mode, Transition
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from saltus.afm.laws.regions import Region
 
@@ -32,7 +32,7 @@ _OMEGA = "0.002*pi"  # angular frequency per us of 1 kHz
 def model(
     probe: Probe,
     law: Law,
-    drive: Drive | Drives,
+    drive: Drive | Drives | Sequence[Drive],
     *,
     Zc_nm: float,
     f_kHz: float | str = "f0",
@@ -51,8 +51,8 @@ def model(
         The cantilever's modes, and the tip's radius.
     law : Law
         The force between tip and sample: one law, or a sum.
-    drive : Drive or sum of drives
-        What keeps the cantilever swinging.
+    drive : Drive, sum of drives or sequence of Drive
+        What keeps the cantilever swinging. Drives of a sequence act at once, as those of a sum.
     Zc_nm : float
         Gap at rest, without forces, in nm; below 0 the cantilever is pressed into the sample.
     f_kHz : float or {"f0", "peak"}, optional
@@ -108,18 +108,32 @@ def model(
     """
     checks.instance("probe", probe, Probe)
     checks.instance("law", law, Law)
-    checks.instance("drive", drive, Drive | Drives)
+    drives = _drives(drive)
     checks.flag("check", check)
     gap = checked("Zc_nm", Zc_nm, plausible=check)
-    drives = Drives(drive.parts)
     for part in drives.parts:
         if part.mode > probe.modes:
             raise InputError("mode", part.mode, f"a mode of the probe, up to {probe.modes}")
     f = checked("f_kHz", _frequency(probe, drives.parts[0].mode, f_kHz), plausible=check)
+    if check:
+        own = [float(value) for value in probe.f0_kHz]  # type: ignore[union-attr]
+        check_drive_frequency("f_kHz", f, own)
+        for part in drives.parts:
+            if not isinstance(part.at, str):
+                check_drive_frequency("at of a drive", part.at, own)
     writing = _Writing(probe, product(law.parts, probe.R_nm), drives, {"Zc_nm": gap, "f_kHz": f})
     system = HybridSystem(**writing.definition, made_of=kept(probe, law, drives))
     keep_parts(system, Parts(probe, law, drives))
     return system
+
+
+def _drives(drive: object) -> Drives:
+    """Return one drive, their sum or a sequence of them as drives that act at once."""
+    if isinstance(drive, Drive | Drives):
+        return Drives(drive.parts)
+    if isinstance(drive, list | tuple) and drive and all(isinstance(one, Drive) for one in drive):
+        return Drives(tuple(drive))
+    raise InputError("drive", drive, "a Drive, a sum of them, or a sequence of them", "as Drive(A0_nm=10.0)")
 
 
 def _frequency(probe: Probe, mode: int, f_kHz: float | str) -> Any:

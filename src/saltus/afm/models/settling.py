@@ -22,7 +22,16 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["Known", "described", "periods_of_patience", "settled", "settled_orbit", "starts_about", "stays_in_contact"]
+__all__ = [
+    "Known",
+    "described",
+    "periods_of_decay",
+    "periods_of_patience",
+    "settled",
+    "settled_orbit",
+    "starts_about",
+    "stays_in_contact",
+]
 
 _PATIENCE = 8.0  # periods in which a motion is given up, over those in which a free one falls to 1/e
 _FEWEST = 500.0  # periods after which a motion is given up, at the least
@@ -196,11 +205,17 @@ def periods_of_patience(parameters: Mapping[str, float]) -> float:
     >>> periods_of_patience({"f_kHz": 300.0, "f0_kHz": 300.0, "Q": 30000.0}) > 70000.0
     True
     """
-    return min(max(_FEWEST, _PATIENCE * _decay(parameters)), _MOST)
+    return min(max(_FEWEST, _PATIENCE * periods_of_decay(parameters)), _MOST)
 
 
-def _decay(parameters: Mapping[str, float]) -> float:
-    """Return in how many periods of the drive the free motion of the slowest mode falls to 1/e."""
+def periods_of_decay(parameters: Mapping[str, float]) -> float:
+    """Return in how many periods of the drive the free motion of the slowest mode falls to 1/e.
+
+    Examples
+    --------
+    >>> round(periods_of_decay({"f_kHz": 300.0, "f0_kHz": 300.0, "Q": 400.0}), 3)  # Q / pi
+    127.324
+    """
     modes = [suffix(i) for i in range(1, len(parameters) + 1) if f"f0_kHz{suffix(i)}" in parameters]
     slowest = max(parameters[f"Q{end}"] / parameters[f"f0_kHz{end}"] for end in modes)
     return slowest * parameters["f_kHz"] / math.pi

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.probe.beam import wavenumbers
+from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from typing import Self
@@ -18,12 +19,15 @@ if TYPE_CHECKING:
 
 __all__ = ["Cantilever"]
 
+_LEAST_HZ = 1000.0  # frequency in Hz below which a number is taken for one of kHz
+
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Cantilever:
     """A uniform rectangular cantilever, clamped at one end and free at the other.
 
-    The arguments are geometry and material. `from_measured` takes the measured stiffness, frequency and quality factor.
+    The arguments are geometry and material in SI units. `from_geometry` takes them in um, kg/m^3 and GPa.
+    `from_measured` takes the measured stiffness, frequency and quality factor.
 
     Parameters
     ----------
@@ -84,18 +88,19 @@ class Cantilever:
         )
 
     @classmethod
-    def from_measured(cls, *, k: float, f0: float, Q: float) -> Self:
-        """Return a cantilever with a measured first mode, and without geometry.
+    def from_geometry(
+        cls, *, length_um: float, width_um: float, thickness_um: float, density_kg_m3: float, young_GPa: float
+    ) -> Self:
+        """Return a cantilever by its geometry in um, and its material.
 
         Parameters
         ----------
-        k : float, in N/m
-            Modal (dynamic) stiffness of the first mode at the tip. Multiply a measured or reported static stiffness by
-            1.0302 (a uniform rectangular beam).
-        f0 : float, in Hz
-            First natural frequency.
-        Q : float
-            Quality factor of the first mode, far from the sample: in ``q'' + D q' + q = ...`` it is ``1 / D``.
+        length_um, width_um, thickness_um : float, in um
+            The beam bends in the direction of its thickness.
+        density_kg_m3 : float, in kg/m^3
+            Density.
+        young_GPa : float, in GPa
+            Young's modulus.
 
         Returns
         -------
@@ -108,13 +113,73 @@ class Cantilever:
 
         Examples
         --------
-        >>> lever = Cantilever.from_measured(k=2.0, f0=70e3, Q=200.0)
+        >>> lever = Cantilever.from_geometry(
+        ...     length_um=240.0, width_um=64.0, thickness_um=2.1, density_kg_m3=2300.0, young_GPa=176.0
+        ... )
+        >>> print(f"{lever.k:.4f} N/m, {lever.f0 / 1e3:.3f} kHz")
+        1.9435 N/m, 51.519 kHz
+        """
+        return cls(
+            length=checks.positive("length_um", length_um, "um") * 1e-6,
+            width=checks.positive("width_um", width_um, "um") * 1e-6,
+            thickness=checks.positive("thickness_um", thickness_um, "um") * 1e-6,
+            density=checks.positive("density_kg_m3", density_kg_m3, "kg/m^3"),
+            young=checks.positive("young_GPa", young_GPa, "GPa") * 1e9,
+        )
+
+    @classmethod
+    def from_measured(
+        cls,
+        *,
+        Q: float,
+        k_N_m: float | None = None,
+        f0_kHz: float | None = None,
+        k: float | None = None,
+        f0: float | None = None,
+    ) -> Self:
+        """Return a cantilever with a measured first mode, and without geometry.
+
+        Parameters
+        ----------
+        Q : float
+            Quality factor of the first mode, far from the sample: in ``q'' + D q' + q = ...`` it is ``1 / D``.
+        k_N_m : float, in N/m
+            Modal (dynamic) stiffness of the first mode at the tip. Multiply a measured or reported static stiffness by
+            1.0302 (a uniform rectangular beam).
+        f0_kHz : float, in kHz
+            First natural frequency.
+        k : float, in N/m, optional
+            Older name of `k_N_m`.
+        f0 : float, in Hz, optional
+            In place of `f0_kHz`; below 1000 Hz only `f0_kHz` is taken.
+
+        Returns
+        -------
+        Cantilever
+
+        Raises
+        ------
+        InputError
+            A value is not a finite number > 0. Stiffness or frequency are given not at all, or twice. `f0` is below
+            1000 Hz, as one in kHz is.
+
+        Examples
+        --------
+        >>> lever = Cantilever.from_measured(k_N_m=2.0, f0_kHz=70.0, Q=200.0)
         >>> lever, lever.damping
         (Cantilever.from_measured(k=2.0, f0=70000.0, Q=200.0), 0.005)
+        >>> Cantilever.from_measured(k=26.0, f0=300.0, Q=400.0)
+        Traceback (most recent call last):
+            ...
+        saltus.errors.InputError: f0 = 300.0: must be at least 1000 Hz; in kHz? then f0_kHz=300
         """
         self = object.__new__(cls)
         self._set(length=None, width=None, thickness=None, density=None, young=None)
-        self._set(k=checks.positive("k", k, "N/m"), f0=checks.positive("f0", f0, "Hz"), Q=checks.positive("Q", Q))
+        stiffness = _either("k_N_m", k_N_m, "N/m", "k", k, "N/m")
+        frequency = _either("f0_kHz", f0_kHz, "kHz", "f0", f0, "Hz")
+        if f0 is not None and frequency < _LEAST_HZ:
+            raise InputError("f0", f0, f"at least {_LEAST_HZ:g} Hz", f"in kHz? then f0_kHz={frequency:g}")
+        self._set(k=stiffness, f0=frequency * (1e3 if f0 is None else 1.0), Q=checks.positive("Q", Q))
         return self
 
     @property
@@ -204,7 +269,9 @@ class Cantilever:
 
     def __repr__(self) -> str:
         if self.Q is not None:
-            return f"Cantilever.from_measured(k={self.k!r}, f0={self.f0!r}, Q={self.Q!r})"
+            slow = self.f0 < _LEAST_HZ
+            frequency = f"f0_kHz={self.f0 / 1e3!r}" if slow else f"f0={self.f0!r}"
+            return f"Cantilever.from_measured(k={self.k!r}, {frequency}, Q={self.Q!r})"
         return (
             f"Cantilever(length={self.length!r}, width={self.width!r}, thickness={self.thickness!r}, "
             f"density={self.density!r}, young={self.young!r})"
@@ -213,3 +280,12 @@ class Cantilever:
     def _set(self, **values: float | None) -> None:
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+
+def _either(name: str, value: object, unit: str, other: str, its_value: object, its_unit: str) -> float:
+    """Return a positive number that is given under one of two names."""
+    if value is None and its_value is None:
+        raise InputError(other, None, f"a finite number > 0 (in {its_unit})", f"or {name}, in {unit}")
+    if value is not None and its_value is not None:
+        raise InputError(name, value, f"given once, without {other}")
+    return checks.positive(name, value, unit) if its_value is None else checks.positive(other, its_value, its_unit)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, InitVar, dataclass, field, replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from saltus import checks
 from saltus.afm.probe.probe import MOST_MODES
-from saltus.afm.probe.units import checked
+from saltus.afm.probe.units import checked, known_names
 from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from typing import Self
 
 __all__ = ["Drive", "Drives"]
 
@@ -40,7 +44,7 @@ class Drive:
     Y_nm : float, optional
         In place of `A0_nm`, the amplitude of the base; see `base`.
     check : bool, optional
-        Whether implausible values are refused.
+        Whether implausible values are refused, an amplitude of 0 among them.
 
     Attributes
     ----------
@@ -74,12 +78,19 @@ class Drive:
     repeats: bool = field(default=True, init=False)
     check: InitVar[bool] = True
 
+    def __new__(cls, *_: object, **given: object) -> Self:
+        """Return a drive without values, once the names of the arguments are known."""
+        known_names(cls, given)
+        return super().__new__(cls)
+
     def __post_init__(self, check: bool) -> None:
         checks.flag("check", check)
         given = [name for name in _SIZES if getattr(self, name) is not None]
         if len(given) != 1:
             raise InputError("drive", given, f"given by exactly one of {', '.join(_SIZES)}")
         object.__setattr__(self, given[0], checked(given[0], getattr(self, given[0]), plausible=check))
+        if check and getattr(self, given[0]) == 0.0:
+            raise InputError(given[0], 0.0, "above 0", "without a drive nothing swings; check=False insists")
         checks.count("mode", self.mode, 1, MOST_MODES)
         object.__setattr__(self, "ratio", _fraction(self.ratio))
         object.__setattr__(self, "phase_deg", checks.number("phase_deg", self.phase_deg, unit="degrees"))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from saltus import checks
 from saltus.afm.probe.cantilever import Cantilever
 from saltus.afm.probe.tip_mass import modes_with_mass
-from saltus.afm.probe.units import Quantity, checked
+from saltus.afm.probe.units import Quantity, check_lever, checked, known_names
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -84,6 +84,11 @@ class Probe:
     base_weights: Sequence[float] | None = None
     check: InitVar[bool] = True
 
+    def __new__(cls, *_: object, **given: object) -> Self:
+        """Return a probe without values, once the names of the arguments are known."""
+        known_names(cls, given)
+        return super().__new__(cls)
+
     def __post_init__(self, check: bool) -> None:
         checks.flag("check", check)
         for name in ("k_N_m", "f0_kHz", "Q"):
@@ -100,6 +105,8 @@ class Probe:
                     name, getattr(self, name), f"one number a mode, as many as k_N_m has, up to {MOST_MODES}"
                 )
         object.__setattr__(self, "R_nm", checked("R_nm", self.R_nm, plausible=check))
+        if check:
+            check_lever(_several(self.k_N_m)[0], _several(self.f0_kHz)[0])
         uniform = modes_with_mass(n)
         self._weigh("optical_weights", [mode.slope / uniform[0].slope for mode in uniform])
         self._weigh("base_weights", [mode.base_weight for mode in uniform])
@@ -164,7 +171,7 @@ class Probe:
 
         Examples
         --------
-        >>> lever = Cantilever.from_measured(k=2.0, f0=70e3, Q=150.0)
+        >>> lever = Cantilever.from_measured(k_N_m=2.0, f0_kHz=70.0, Q=150.0)
         >>> probe = Probe.from_cantilever(lever, modes=2, R_nm=10.0)
         >>> print([round(k, 3) for k in probe.k_N_m], [round(Q, 3) for Q in probe.Q])
         [2.0, 78.548] [150.0, 940.034]

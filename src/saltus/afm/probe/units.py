@@ -6,15 +6,27 @@ Pa s (1e-3 nN us/nm**2) bring factors, which the formulas contain.
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from saltus import checks
-from saltus.errors import InputError
+from saltus.errors import InputError, nearest
 
-__all__ = ["ENERGY_EV", "QUANTITIES", "Quantity", "check_changes", "checked", "quantity_of", "suffix"]
+__all__ = [
+    "ENERGY_EV",
+    "QUANTITIES",
+    "Quantity",
+    "check_changes",
+    "check_drive_frequency",
+    "check_lever",
+    "checked",
+    "known_names",
+    "quantity_of",
+    "suffix",
+]
 
 ENERGY_EV = 6.241509074460763  # eV in 1 aJ, by the definition of the SI
 
@@ -40,6 +52,13 @@ _OTHER_UNITS = {
     "A nm^2": {"A m^2": 1e18, "emu": 1e15},
     "ng": {"kg": 1e12, "g": 1e9, "pg": 1e-3, "ug": 1e3, "mg": 1e6, "fg": 1e-6},
 }
+_FASTEST = 100.0  # frequency of a drive, over the highest natural one, from which on it is a slip of units
+_SLOWEST = 900.0  # lowest natural frequency, over that of a drive, from which on it is a slip of units
+_NEAR = 30.0  # ratio of a frequency and a natural one up to which it may have been meant
+_NG_IN_KG = 1e12  # nanograms in a kilogram
+_LIGHTEST_NG = 2e-4  # modal mass; 0.1 N/m and 3.5 MHz are among the smallest levers that are used
+_HEAVIEST_NG = 7e5  # modal mass; tuning forks have up to 5e5 ng
+_USUAL_NG = (1e-2, 1e3)  # modal masses of usual levers
 _SLIPS = (1e3, 1e6, 1e9)  # factors by which a value may be too small or too large, where no unit explains it
 
 
@@ -51,13 +70,16 @@ class Quantity(NamedTuple):
     low: float
     high: float
     sign: str = "0+"  # {"+", "0+", "any"}: whether it must be positive, may be zero as well, or may have any sign
+    below: str = ""  # what a value below `low` means, in words
 
+
+_OVERDAMPED = "below 0.5 a lever creeps back to rest and does not swing; in water Q is 1 to 5"
 
 QUANTITIES = {
     "k_N_m": Quantity("N/m", 1e-3, 1e4, "+"),
-    "f0_kHz": Quantity("kHz", 0.1, 1e5, "+"),
+    "f0_kHz": Quantity("kHz", 0.1, 1e5, "+"),  # of higher modes too
     "f_kHz": Quantity("kHz", 0.1, 1e5, "+"),
-    "Q": Quantity("", 0.5, 1e7, "+"),
+    "Q": Quantity("", 0.5, 1e7, "+", _OVERDAMPED),
     "R_nm": Quantity("nm", 0.5, 1e5, "+"),
     "tip_mass_ng": Quantity("ng", 1e-4, 1e5),
     "A0_nm": Quantity("nm", 1e-3, 1e4),
@@ -191,10 +213,115 @@ def check_changes(own: Mapping[str, float], changes: Mapping[str, float]) -> Non
         ...
     saltus.errors.InputError: R_nm = 1.2e-08: must be ... in m? then it is 12 nm; a model with such a value insists
     """
+    insists = "a model with such a value insists"
     for name, value in changes.items():
         quantity = quantity_of(name)
         if quantity is not None and name in own and (own[name] == 0.0 or _within(quantity, own[name])):
-            checked(name, value, insists="a model with such a value insists")
+            checked(name, value, insists=insists)
+    if "f_kHz" in changes and "f_kHz" in own and _turns_with(own["f_kHz"], _natural(own)):
+        check_drive_frequency("f_kHz", changes["f_kHz"], _natural({**own, **changes}), insists)
+
+
+def check_drive_frequency(
+    name: str, f_kHz: float, f0_kHz: Sequence[float], insists: str = "check=False insists"
+) -> None:
+    """Raise `InputError` where the frequency of a drive is a slip of units beside those of a probe's modes.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    f_kHz : float
+        The frequency of the drive.
+    f0_kHz : sequence of float
+        The natural frequencies.
+    insists : str, optional
+        How the value can be used nevertheless, for the hint.
+
+    Raises
+    ------
+    InputError
+        It is 100 times the highest natural frequency or more, or the 900th part of the lowest or less.
+
+    Examples
+    --------
+    >>> check_drive_frequency("f_kHz", 75e3, [75.0])
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: f_kHz = 75000.0: must be ... 75 kHz; in Hz? then it is 75 kHz; check=False insists
+    """
+    if _turns_with(f_kHz, f0_kHz):
+        return
+    low, high = min(f0_kHz) / _SLOWEST, _FASTEST * max(f0_kHz)
+    allowed = f"between {low:.3g} and {high:.3g} kHz beside natural frequencies of {_listed(f0_kHz)} kHz"
+    others = [(unit, f_kHz * factor) for unit, factor in _OTHER_UNITS["kHz"].items()]
+    close = [(unit, meant) for unit, meant in others if min(f0_kHz) / _NEAR <= meant <= _NEAR * max(f0_kHz)]
+    slip = "".join(f"in {unit}? then it is {meant:g} kHz; " for unit, meant in close[:1])
+    raise InputError(name, f_kHz, allowed, f"{slip}{insists}")
+
+
+def check_lever(k_N_m: float, f0_kHz: float) -> None:
+    """Raise `InputError` where no lever has both a stiffness and a natural frequency, by its modal mass.
+
+    Examples
+    --------
+    >>> check_lever(3.0, 75.0)
+    >>> check_lever(3.0, 75e3)
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: f0_kHz = 75000.0: must be ... in Hz? then it is 75 kHz; check=False insists
+    """
+    mass = _mass_ng(k_N_m, f0_kHz)
+    if _LIGHTEST_NG <= mass <= _HEAVIEST_NG:
+        return
+    low, high = (math.sqrt(k_N_m / one * _NG_IN_KG) / (math.tau * 1e3) for one in (_HEAVIEST_NG, _LIGHTEST_NG))
+    allowed = f"between {low:.3g} and {high:.3g} kHz beside k_N_m = {k_N_m:g}"
+    meant = [(unit, f0_kHz * factor) for unit, factor in _OTHER_UNITS["kHz"].items()]
+    usual = [(unit, f0) for unit, f0 in meant if _USUAL_NG[0] <= _mass_ng(k_N_m, f0) <= _USUAL_NG[1]]
+    slip = "".join(f"in {unit}? then it is {f0:g} kHz; " for unit, f0 in usual[:1])
+    told = f"its modal mass would be {mass:.2g} ng; "
+    raise InputError("f0_kHz", f0_kHz, allowed, f"{told}{slip}check=False insists")
+
+
+def _mass_ng(k_N_m: float, f0_kHz: float) -> float:
+    """Return the mass k/omega**2 of a mode, in ng."""
+    return k_N_m / (math.tau * f0_kHz * 1e3) ** 2 * _NG_IN_KG
+
+
+def _natural(parameters: Mapping[str, float]) -> list[float]:
+    """Return the natural frequencies among parameters, in kHz."""
+    return [value for name, value in parameters.items() if re.fullmatch(r"f0_kHz(_[2-9]\d*)?", name)]
+
+
+def _turns_with(f_kHz: float, f0_kHz: Sequence[float]) -> bool:
+    """Return whether a drive's frequency is no slip of units beside natural frequencies."""
+    return not f0_kHz or min(f0_kHz) / _SLOWEST < f_kHz < _FASTEST * max(f0_kHz)
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
+
+
+def known_names(kind: type[object], given: Iterable[str]) -> None:
+    """Raise `InputError` where a class takes no argument of a name; the hint has the nearest one.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> afm.Probe(k=3.0)
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: argument of Probe = 'k': must be one of k_N_m, ...; did you mean 'k_N_m'?
+    """
+    own = [one for name, one in inspect.signature(kind.__init__).parameters.items() if name != "self"]
+    if any(one.kind is one.VAR_KEYWORD for one in own):
+        return
+    known = tuple(one.name for one in own if one.kind is not one.VAR_POSITIONAL)
+    for name in given:
+        if name not in known:
+            begun = [one for one in known if one.startswith(f"{name}_")]
+            hint = f"did you mean {begun[0]!r}?" if begun else nearest(name, known)
+            raise InputError(f"argument of {kind.__name__}", name, f"one of {', '.join(known)}", hint)
 
 
 def _within(quantity: Quantity, number: float) -> bool:
@@ -203,6 +330,8 @@ def _within(quantity: Quantity, number: float) -> bool:
 
 def _slip(quantity: Quantity, number: float) -> str:
     """Return the question whether another unit was meant, an empty text where nothing makes the number plausible."""
+    if quantity.below and abs(number) < quantity.low:
+        return f"{quantity.below}; "
     for unit, factor in _OTHER_UNITS.get(quantity.unit, {}).items():
         if _within(quantity, number * factor):
             return f"in {unit}? then it is {number * factor:g} {quantity.unit}; "
