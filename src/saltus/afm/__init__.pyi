@@ -27,4 +27,6 @@ from .paper.tapping import Setup as Setup, tapping_mode as tapping_mode
 from .pictures.animation import animate as animate
 from .probe.cantilever import Cantilever as Cantilever
 from .probe.drive import Drive as Drive
+from .probe.fluid import Fluid as Fluid, FluidMode as FluidMode, fluid_modes as fluid_modes, immersed as immersed
+from .probe.hydrodynamic import hydrodynamic_function as hydrodynamic_function
 from .probe.probe import Probe as Probe
