@@ -1,5 +1,9 @@
 """The public names; `__init__.py` reads where each is, and imports it on first use."""
 
+from .calibration.calibrating import calibrate as calibrate
+from .calibration.calibration import Calibration as Calibration
+from .calibration.spectra import read_spectrum as read_spectrum
+from .calibration.stiffness import sader_stiffness as sader_stiffness
 from .curves.bistable_region import Bistability as Bistability
 from .curves.curve import Curve as Curve
 from .curves.curves import distance_curve as distance_curve, frequency_curve as frequency_curve
