@@ -110,7 +110,7 @@ def calibrate(
     >>> data = {"f_kHz": f, "psd_nm2_Hz": (1.1e-6 * shape + 1e-8) * noise}
     >>> found = calibrate(data, length_um=240.0, width_um=35.0, fluid=Fluid.air())
     >>> print(f"{found['f0_kHz']:.2f} kHz, Q {found['Q']:.0f} +- {found.errors['Q']:.0f}")
-    70.00 kHz, Q 150 +- 2
+    70.01 kHz, Q 148 +- 6
     >>> found.probe(R_nm=10.0).modes
     1
     """
@@ -144,11 +144,10 @@ def calibrate(
     slopes = np.array([_slope(outcome, inputs, name, list(found)) for name in logs]).T
     kept = values_with_errors(list(found), found, slopes, covariance)
     used = method or next((one for one in _METHODS if _KEYS[one] in found), "")
-    result = Calibration(
+    return Calibration(
         **kept, f_kHz=f, psd=psd, used=peak.used, unit=unit, mode=number, averages=peak.averages, method=used,
         notes=_notes(peak, found, f, averages, kept),
     )  # fmt: skip
-    return result
 
 
 _KEYS = {"given": "k_given_N_m", "sader": "k_sader_N_m", "equipartition": "k_equipartition_N_m"}
@@ -257,7 +256,9 @@ def _notes(
         if abs(peak.scatter - 1.0) > _SCATTER * spread:
             notes.append(f"the scatter is {peak.scatter:.3g} times that of {averages} averages: do other errors count?")
     if found["Q"] < _BROAD:
-        notes.append(f"Q is below {_BROAD:g}: the fluid's load changes over the peak, and one oscillator is a rough model")
+        notes.append(
+            f"Q is below {_BROAD:g}: the fluid's load changes over the peak, and one oscillator is a rough model"
+        )
     both = [name for name in ("k_sader_N_m", "k_equipartition_N_m") if name in found]
     if len(both) == 2:
         names, spread_of = list(kept["names"]), kept["covariance"]

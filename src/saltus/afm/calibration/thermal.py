@@ -76,7 +76,7 @@ def oscillator(f: Real, values: Real) -> Real:
     7.0000
     """
     f0, Q, variance, white = values
-    return white + variance * _line(f, f0, Q)
+    return np.asarray(white + variance * _line(f, f0, Q))
 
 
 def _line(f: Real, f0: float, Q: float) -> Real:

@@ -38,7 +38,7 @@ def plot_spectrum(calibration: Calibration, *, ax: Axes | None = None) -> Axes:
     InputError
         `ax` is no Axes.
     """
-    ax = style.axes_of(ax)
+    ax = style.axes(ax)
     f, used = calibration.f_kHz, calibration.used
     ax.plot(f[~used], calibration.psd[~used], ".", color="0.75", markersize=2, label="not fitted")
     ax.plot(f[used], calibration.psd[used], ".", color="C0", markersize=2, label="spectrum")
@@ -50,7 +50,7 @@ def plot_spectrum(calibration: Calibration, *, ax: Axes | None = None) -> Axes:
         xlabel="frequency (kHz)", ylabel=f"power spectral density ({_unit(calibration.unit)})", yscale="log",
         xscale="log" if f[-1] > 20.0 * f[0] else "linear",
     )  # fmt: skip
-    ax.legend()
+    style.draw_legend(ax)
     return ax
 
 

@@ -24,7 +24,9 @@ __all__ = ["blade_load"]
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
-_TERMS = 8  # polynomials of each component, at least; the load then has 6 digits at gaps above a fifth of the half-width
+_TERMS = (
+    8  # polynomials of each component, at least; the load then has 6 digits at gaps above a fifth of the half-width
+)
 _TERMS_A_GAP = 0.4  # polynomials more for each half-width over the gap
 _NODES = 12  # Gauss-Legendre nodes of a panel of wavenumbers
 _PANEL = 2.0  # width of a panel, less than a turn of the product of two Bessel functions
@@ -82,7 +84,7 @@ def _wavenumbers(largest: float) -> tuple[Real, Real]:
     return (edges[:-1, None] + half * (1.0 + nodes)).ravel(), (half * weights).ravel()
 
 
-def _projected(kernel: NDArray[np.generic], left: Real, right: Real) -> Complex:
+def _projected(kernel: Complex, left: Real, right: Real) -> Complex:
     return np.asarray((left * kernel) @ right.T)
 
 

@@ -7,10 +7,13 @@ import warnings
 from dataclasses import InitVar, dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from saltus import checks
 from saltus.afm.probe.beam import wavenumbers
 from saltus.afm.probe.cantilever import Cantilever
-from saltus.afm.probe.hydrodynamic import hydrodynamic_function
+from saltus.afm.probe.hydrodynamic import REYNOLDS, hydrodynamic_function
 from saltus.afm.probe.probe import MOST_MODES, Probe
 from saltus.afm.probe.units import checked
 from saltus.errors import InputError
@@ -294,21 +297,25 @@ def _mode(fluid: Fluid, vacuum: float, width: float, ratio: float, gap: float | 
     def excess(logarithm: float) -> float:
         return 2.0 * logarithm + math.log1p(ratio * load(logarithm).real)
 
-    low = -0.5 * math.log1p(ratio * load(0.0).real)
+    high = min(0.0, math.log(REYNOLDS[1] / fluid.reynolds(vacuum, width)))
+    if excess(high) < 0.0:
+        told = f"above {REYNOLDS[1]:g} at {vacuum * math.exp(high):.4g} kHz"
+        raise InputError("reynolds", told, f"up to {REYNOLDS[1]:g}", "the mode is too fast or the beam too wide")
+    low = high - 0.5 * math.log1p(ratio * load(high).real)
     while excess(low) > 0.0:
-        low *= 2.0
+        low = high + 2.0 * (low - high)
         if low < math.log(_SLOWEST):
             raise InputError("fluid", fluid, "one in which the cantilever oscillates", "it is too heavy or too viscous")
-    root = 0.0 if low == 0.0 else float(brentq(excess, low, 0.0, xtol=_STEEP, rtol=_STEEP))
+    root = high if low == high else float(brentq(excess, low, high, xtol=_STEEP, rtol=_STEEP))
     found = load(root)
     f0 = vacuum * math.exp(root)
     quality = (1.0 / ratio + found.real) / found.imag
     return FluidMode(f0, quality, ratio * found.real, fluid.reynolds(f0, width))
 
 
-def _warn_of_short_waves(b: object, aspect: float) -> None:
+def _warn_of_short_waves(b: NDArray[np.float64], aspect: float) -> None:
     """Warn where the width is more than the inverse wavenumber of a mode."""
-    short = [number for number, one in enumerate(b, 1) if one * aspect > _WIDE]  # type: ignore[call-overload]
+    short = [number for number, one in enumerate(b.tolist(), 1) if one * aspect > _WIDE]
     if short:
         numbers = ", ".join(map(str, short))
         warnings.warn(

@@ -13,7 +13,7 @@ from saltus.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["WALL_GAPS", "WALL_REYNOLDS", "hydrodynamic_function"]
+__all__ = ["REYNOLDS", "WALL_GAPS", "WALL_REYNOLDS", "hydrodynamic_function"]
 
 REYNOLDS = (1e-6, 1e4)  # where the correction of the circular cylinder is fitted
 WALL_REYNOLDS = (1e-3, 1e4)  # where the equations of the blade near a wall are solved to four digits
@@ -84,5 +84,7 @@ def _far_from_walls(Re: NDArray[np.float64]) -> NDArray[np.complex128]:
     root = np.sqrt(1j * Re)
     cylinder = 1.0 + 4j * kve(1, -1j * root) / (root * kve(0, -1j * root))
     tau = np.log10(Re)
-    real, imaginary = (np.polyval(over[::-1], tau) / np.polyval(under[::-1], tau) for over, under in (_REAL, _IMAGINARY))
+    real, imaginary = (
+        np.polyval(over[::-1], tau) / np.polyval(under[::-1], tau) for over, under in (_REAL, _IMAGINARY)
+    )
     return np.asarray((real + 1j * imaginary) * cylinder)
