@@ -44,8 +44,8 @@ def test_a_spectrum_without_noise_gives_its_values():
 
 @pytest.mark.parametrize("averages", [1, 30])
 def test_values_are_unbiased_and_errors_are_those_of_the_scatter(averages):
-    table = deviations(range(12), averages)
-    assert np.all(np.abs(table.mean(axis=0)) < 3.5 / math.sqrt(12))
+    table = deviations(range(8), averages)
+    assert np.all(np.abs(table.mean(axis=0)) < 3.5 / math.sqrt(8))
     assert np.all(table.std(axis=0) < 1.8)
     assert np.all(table.std(axis=0) > 0.45)
 
@@ -68,7 +68,8 @@ def test_lines_are_left_out():
     psd[[150, 230, 231]] *= [40.0, 25.0, 30.0]
     found = fitted_peak(F, psd, None, None)
     assert found.wild == 3
-    np.testing.assert_allclose(found.values[:3], clean.values[:3], rtol=5e-3)
+    moved = np.log(found.values / clean.values)[:3] / np.sqrt(np.diag(clean.covariance))[:3]
+    assert np.all(np.abs(moved) < 0.5)
 
 
 def test_bins_that_are_alike_widen_errors():

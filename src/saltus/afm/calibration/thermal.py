@@ -25,11 +25,11 @@ __all__ = ["Peak", "fitted_peak", "oscillator"]
 Real = NDArray[np.float64]
 
 _LEAST_BINS = 20  # bins of a fit, at least
-_FINE = 1200  # bins of the survey for a peak, at most
-_TOPS = 12  # highest bins, over their neighbours, that are tried as peaks beside a grid
-_GRID = 120  # frequencies of the grid
+_FINE = 400  # bins of the survey for a peak, at most
+_TOPS = 6  # highest bins, over their neighbours, that are tried as peaks beside a grid
+_GRID = 80  # frequencies of the grid
 _NEIGHBOURS = 25  # bins on each side whose median a bin is held against
-_QUALITIES = np.geomspace(0.7, 2000.0, 12)  # quality factors that the survey tries
+_QUALITIES = np.geomspace(0.7, 1000.0, 8)  # quality factors that the survey tries
 _SPAN = (0.4, 2.5)  # frequencies of the fit over the peak's, at most
 _WIDTHS = 100.0  # half widths of the peak on each side of it that are fitted, at most
 _CHANCE = 25.0  # gain of the likelihood by a peak, in units of chi2, that noise has in one of 10 000 spectra
@@ -37,6 +37,7 @@ _WILD = 1e-3  # bins above what the noise explains, in a spectrum of noise, on a
 _ROUNDS = 3  # times that wild bins are left out
 _NARROW = 2.0  # bins in the width of a peak, at least
 _AT_EDGE = 1e-3  # distance of a peak to the end of the range, over the range, at least
+_LOW, _PALE = 0.02, 0.3  # share of the bins below a low one, and white noise over this one at a start, at least
 _LOST = 1e-9  # white noise over the least of the spectrum below which there is none
 _MOST = 60  # steps of a search, at most; 5 to 20 reach rounding where there is a peak
 _REACH = 3  # bins over which residuals may be correlated
@@ -107,9 +108,11 @@ def fitted_peak(f: Real, psd: Real, averages: float | None, span: tuple[float, f
     _check_bins(inside, span)
     start = _surveyed(f[inside], psd[inside])
     if span is None:
-        reach = _WIDTHS * start[0] / (2.0 * start[1])
-        inside &= (f >= max(_SPAN[0] * start[0], start[0] - reach)) & (f <= min(_SPAN[1] * start[0], start[0] + reach))
-        _check_bins(inside, (float(f[inside][0]), float(f[inside][-1])) if inside.any() else (0.0, 0.0))
+        rough = _around(f, start)
+        start = _best(f[rough], psd[rough], start)
+        span = float(f[rough][0]), float(f[rough][-1])
+        if _around(f, start).sum() >= _LEAST_BINS:
+            inside = _around(f, start)
     used = inside.copy()
     for _ in range(_ROUNDS):
         values = _best(f[used], psd[used], start)
@@ -129,6 +132,13 @@ def fitted_peak(f: Real, psd: Real, averages: float | None, span: tuple[float, f
     _check_peak(f[used], values, gain)
     covariance = _covariance(f[used], values) * alike / shape
     return Peak(values, covariance, used, int((inside & ~used).sum()), shape, scatter * shape, gain)
+
+
+def _around(f: Real, values: Real) -> NDArray[np.bool_]:
+    """Return which bins are about a peak: within so many of its widths, and of its frequency."""
+    f0, Q = float(values[0]), float(values[1])
+    reach = _WIDTHS * f0 / (2.0 * Q)
+    return np.asarray((f >= max(_SPAN[0] * f0, f0 - reach)) & (f <= min(_SPAN[1] * f0, f0 + reach)))
 
 
 def _check_bins(used: NDArray[np.bool_], span: tuple[float, float] | None) -> None:
@@ -169,7 +179,9 @@ def _surveyed(f: Real, psd: Real) -> Real:
         flat = np.exp(level + slope * np.log(x))
         flat *= np.average(y / flat, weights=n)
         without = np.sum(n * (np.log(flat) + y / flat))
-        for Q in _QUALITIES:
+        for Q in _QUALITIES.tolist():
+            if _around(f, np.array([f0, Q])).sum() < _LEAST_BINS:
+                continue
             line = _line(x, f0, Q)
             variance, white = _amounts(line, y, n)
             spectrum = white + variance * line
@@ -217,6 +229,8 @@ def _amounts(line: Real, y: Real, n: Real) -> tuple[float, float]:
 
 def _best(f: Real, psd: Real, start: Real) -> Real:
     """Return the four values of greatest likelihood, from a start and from other quality factors."""
+    # White noise that an earlier search made nothing of has no slope any more, and would stay nothing.
+    start = np.append(start[:3], max(start[3], _PALE * float(np.quantile(psd, _LOW))))
     tried = [start * np.array([1.0, factor, 1.0, 1.0]) for factor in (1.0, 3.0, 1.0 / 3.0)]
     found = [_minimised(psd, np.log(one), lambda logs: oscillator(f, np.exp(logs))) for one in tried]
     return np.exp(min(found, key=lambda one: one[1])[0])

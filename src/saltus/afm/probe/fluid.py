@@ -297,7 +297,7 @@ def _mode(fluid: Fluid, vacuum: float, width: float, ratio: float, gap: float | 
     def excess(logarithm: float) -> float:
         return 2.0 * logarithm + math.log1p(ratio * load(logarithm).real)
 
-    high = min(0.0, math.log(REYNOLDS[1] / fluid.reynolds(vacuum, width)))
+    high = min(0.0, math.log(REYNOLDS[1] / fluid.reynolds(vacuum, width)) - _STEEP)
     if excess(high) < 0.0:
         told = f"above {REYNOLDS[1]:g} at {vacuum * math.exp(high):.4g} kHz"
         raise InputError("reynolds", told, f"up to {REYNOLDS[1]:g}", "the mode is too fast or the beam too wide")
