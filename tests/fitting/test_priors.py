@@ -21,9 +21,7 @@ def branch(linear_spring):
 def linear_spring():
     from saltus import HybridSystem
 
-    return HybridSystem.smooth(
-        {"x": "v", "v": "-c*v - k*x + cos(s)"}, {"k": 1.2, "c": 0.3, "w": 1.0}, phase=("s", "w")
-    )
+    return HybridSystem.smooth({"x": "v", "v": "-c*v - k*x + cos(s)"}, {"k": 1.2, "c": 0.3, "w": 1.0}, phase=("s", "w"))
 
 
 def amplitude(k, c):
@@ -52,6 +50,7 @@ def test_a_prior_that_agrees_narrows_errors_as_gauss_says(branch):
     assert found.residuals.size == len(W)  # the prior is no datum of chi2
 
 
+@pytest.mark.campaign
 def test_a_prior_that_disagrees_pulls_by_its_weight(branch):
     free = fitted(branch, None)
     error = free.errors["c"]

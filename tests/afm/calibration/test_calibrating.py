@@ -130,9 +130,10 @@ def test_a_picture_shows_spectrum_and_fit(in_volts):
 
 
 def test_what_disagrees_is_told():
-    found = afm.calibrate(spectrum(7, "psd_nm2_Hz"), T_K=T_K, length_um=240.0, width_um=45.0, fluid=AIR, averages=7)
+    data = spectrum(7, "psd_nm2_Hz")
+    found = afm.calibrate(data, T_K=T_K, length_um=240.0, width_um=45.0, fluid=AIR)
     assert any("more than the errors explain" in note for note in found.notes)
-    assert any("times that of 7 averages" in note for note in found.notes)
+    assert any("times that of 7 averages" in note for note in afm.calibrate(data, averages=7).notes)
     assert "more than the errors explain" in repr(found)
 
 

@@ -40,7 +40,9 @@ def test_a_mode_is_that_of_the_whole_beam_where_the_peak_is_narrow(gap_um):
 
     f0 = 1e3 * mode.f0_kHz
     peak = minimize_scalar(lambda f: -size(f), bracket=(f0 * (1 - 2 / mode.Q), f0, f0 * (1 + 2 / mode.Q)), tol=1e-10)
-    assert peak.x == pytest.approx(f0 * math.sqrt(1.0 - 0.5 / mode.Q**2), rel=1.0 / mode.Q**2)  # the load changes over the peak
+    assert peak.x == pytest.approx(
+        f0 * math.sqrt(1.0 - 0.5 / mode.Q**2), rel=1.0 / mode.Q**2
+    )  # the load changes over the peak
     stiffness = LEVER.k
     assert size(peak.x) * stiffness == pytest.approx(mode.Q, rel=2e-3)
 

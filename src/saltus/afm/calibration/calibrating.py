@@ -143,7 +143,7 @@ def calibrate(
     logs, covariance = _logarithms(peak, given, inputs)
     slopes = np.array([_slope(outcome, inputs, name, list(found)) for name in logs]).T
     kept = values_with_errors(list(found), found, slopes, covariance)
-    used = method or next((one for one in _METHODS if _KEYS[one] in found), "")
+    used = method or ("given" if "k_static_N_m" in given else _first_of(found))
     return Calibration(
         **kept, f_kHz=f, psd=psd, used=peak.used, unit=unit, mode=number, averages=peak.averages, method=used,
         notes=_notes(peak, found, f, averages, kept),
@@ -152,6 +152,11 @@ def calibrate(
 
 _KEYS = {"given": "k_given_N_m", "sader": "k_sader_N_m", "equipartition": "k_equipartition_N_m"}
 _STIFFNESS = Quantity("N/m", 1e-4, 1e4, "+")
+
+
+def _first_of(found: Mapping[str, float]) -> str:
+    """Return the method of the first stiffness that was found; an empty text where there is none."""
+    return next((one for one in _METHODS if _KEYS[one] in found), "")
 
 
 def _quantities(check: bool, values: Mapping[str, Any]) -> dict[str, tuple[float, float]]:

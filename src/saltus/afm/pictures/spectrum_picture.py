@@ -41,10 +41,10 @@ def plot_spectrum(calibration: Calibration, *, ax: Axes | None = None) -> Axes:
     ax = style.axes(ax)
     f, used = calibration.f_kHz, calibration.used
     ax.plot(f[~used], calibration.psd[~used], ".", color="0.75", markersize=2, label="not fitted")
-    ax.plot(f[used], calibration.psd[used], ".", color="C0", markersize=2, label="spectrum")
+    ax.plot(f[used], calibration.psd[used], ".", color="C0", markersize=2, label="spectrum", zorder=1)
     line = np.linspace(f[used].min(), f[used].max(), _POINTS)
     label = f"fit: {calibration['f0_kHz']:.4g} kHz, Q {calibration['Q']:.3g}"
-    ax.plot(line, calibration.model(line), color="C3", label=label)
+    ax.plot(line, calibration.model(line), color="C3", label=label, zorder=3)
     ax.axhline(calibration["white"], color="C3", linestyle="--", linewidth=1.0, label="white noise")
     ax.set(
         xlabel="frequency (kHz)", ylabel=f"power spectral density ({_unit(calibration.unit)})", yscale="log",
