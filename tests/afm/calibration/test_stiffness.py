@@ -17,7 +17,7 @@ AIR = afm.Fluid.air()
 
 
 def test_saders_k_is_that_of_his_program():
-    # Table 1 of Rev. Sci. Instrum. 70, 3967: 397 x 29 um, 17.36 kHz, Q 55.5; his program's factor 0.1906, with the exact
+    # Table 1 of Rev. Sci. Instrum. 70, 3967: 397 x 29 um, 17.36 kHz, Q 55.5; his program's factor 0.1906, and the exact
     # load of a thin blade in place of his fit
     omega = math.tau * 17.36e3
     reynolds = 1.18 * omega * 29e-6**2 / 4.0 / 1.86e-5
