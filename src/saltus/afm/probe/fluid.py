@@ -159,8 +159,8 @@ def fluid_modes(
     Raises
     ------
     InputError
-        A value that is not allowed, a Reynolds number or a gap where the hydrodynamic function is not known, or sizes
-        that do not suit the measured stiffness and frequency.
+        A value that is not allowed, or a Reynolds number or a gap where the hydrodynamic function is not known. Sizes
+        do not suit the measured stiffness and frequency.
 
     Warns
     -----
