@@ -64,7 +64,7 @@ def hydrodynamic_function(reynolds: ArrayLike, gap: float | None = None) -> NDAr
     >>> print(f"{hydrodynamic_function(1.0):.5f}")
     3.73396+4.07461j
     >>> print(f"{hydrodynamic_function(10.0, gap=0.5).imag / hydrodynamic_function(10.0).imag:.2f}")
-    2.00
+    1.87
     """
     Re = checks.array("reynolds", reynolds)
     low, high = REYNOLDS if gap is None else WALL_REYNOLDS
