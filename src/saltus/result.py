@@ -55,6 +55,7 @@ _HOMES = {
     "Optimum": "saltus.optimisation.optimum",
     "Curve": "saltus.afm.curves.curve",
     "Bistability": "saltus.afm.curves.bistable_region",
+    "Calibration": "saltus.afm.calibration.calibration",
     "FrequencyShift": "saltus.afm.fm.shift_curve",
     "ReconstructedForce": "saltus.afm.reconstruction.force",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",

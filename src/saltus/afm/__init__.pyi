@@ -1,5 +1,9 @@
 """The public names; `__init__.py` reads where each is, and imports it on first use."""
 
+from .calibration.calibrating import calibrate as calibrate
+from .calibration.calibration import Calibration as Calibration
+from .calibration.spectra import read_spectrum as read_spectrum
+from .calibration.stiffness import sader_stiffness as sader_stiffness
 from .curves.bistable_region import Bistability as Bistability
 from .curves.curve import Curve as Curve
 from .curves.curves import distance_curve as distance_curve, frequency_curve as frequency_curve
@@ -37,6 +41,8 @@ from .paper.tapping import Setup as Setup, tapping_mode as tapping_mode
 from .pictures.animation import animate as animate
 from .probe.cantilever import Cantilever as Cantilever
 from .probe.drive import Drive as Drive
+from .probe.fluid import Fluid as Fluid, FluidMode as FluidMode, fluid_modes as fluid_modes, immersed as immersed
+from .probe.hydrodynamic import hydrodynamic_function as hydrodynamic_function
 from .probe.probe import Probe as Probe
 from .reconstruction.force import ReconstructedForce as ReconstructedForce
 from .reconstruction.law_fit import LawFit as LawFit

@@ -17,6 +17,7 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.jumps import read_points
 from saltus.fitting.measured import Channel, Measured, MeasuredPoint, read_measured
 from saltus.fitting.optimum import Minimum, Objective, covariance, degeneracies, minimised
+from saltus.fitting.priors import NO_PRIORS, Priors, read_priors
 from saltus.fitting.profiles import Profiles
 from saltus.fitting.result import Fit
 from saltus.fitting.search import searched
@@ -92,6 +93,7 @@ class Task:
     bounds: NDArray[np.float64]
     options: FitOptions
     sought: bool  # whether jumps were looked for in the data
+    priors: Priors = NO_PRIORS  # what is known of the parameters beforehand
 
 
 def fit(
@@ -101,6 +103,7 @@ def fit(
     sigma: Mapping[str, Any],
     *,
     jumps: bool | Sequence[MeasuredPoint] = False,
+    priors: Mapping[str, tuple[float, float]] | None = None,
     options: FitOptions | None = None,
     progress: bool | Report = False,
 ) -> Fit:
@@ -124,6 +127,9 @@ def fit(
         Standard errors by column; these columns are fitted. Those of complex data are of each part.
     jumps : bool or sequence of MeasuredPoint, optional
         Whether the jumps in the data are data, too: True needs the column ``direction``. Or measured special points.
+    priors : mapping of str to (float, float), optional
+        Values of varied parameters that are known beforehand, with standard errors. They count as data, but not in
+        `Fit.chi2`.
     options : FitOptions, optional
         Names of observables, starts, profiles, steps.
     progress : bool or callable, optional
@@ -167,7 +173,7 @@ def fit(
         raise InputError("branch", branches[0].parameter, "a branch along a parameter", hint)
     steps, along = options.steps, branches[0].parameter
     trace = Retraced(branches, lambda orbit, _: continue_orbit(orbit, along, (low, high), steps=steps))
-    return fitted(task(data, trace, (low, high), vary, sigma, jumps, options), progress)
+    return fitted(task(data, trace, (low, high), vary, sigma, jumps, options, priors), progress)
 
 
 @singledispatch
@@ -194,6 +200,7 @@ def task(
     sigma: Mapping[str, Any],
     jumps: bool | Sequence[MeasuredPoint],
     options: FitOptions,
+    priors: Mapping[str, tuple[float, float]] | None = None,
 ) -> Task:
     """Return the task of a fit, its arguments checked."""
     branch = trace.branches[0]
@@ -207,12 +214,13 @@ def task(
     measured = measured.with_points(read_points(jumps, measured, bounds))
     checks.count("max_evaluations", options.max_evaluations, 1)
     names, start, limits = _varied(vary, branch, options.start)
-    if measured.count < len(names):
+    known = read_priors(priors, names)
+    if measured.count + len(known.places) < len(names):
         raise InputError("data", f"{measured.count} numbers", f"at least {len(names)}, one for each varied parameter")
     if options.profile is not None:
         for name in checks.names("profile", options.profile, "varied parameters"):
             checks.chosen("profile", name, names)
-    return Task(measured, trace, names, start, limits, options, jumps is True)
+    return Task(measured, trace, names, start, limits, options, jumps is True, known)
 
 
 def _varied(
@@ -239,7 +247,7 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
     """Return the fit that a task asks for; warn where the data do not fit."""
     names, bounds = wanted.names, wanted.bounds
     with Reporter(progress) as reporter:
-        objective = Objective(wanted.measured, wanted.trace, names, reporter)
+        objective = Objective(wanted.measured, wanted.trace, names, reporter, wanted.priors)
         _begin(objective, wanted)
         found = searched(objective, wanted.start, bounds, wanted.options.max_evaluations)
         refused = len(objective.failures)
@@ -358,7 +366,7 @@ def _dataset(found: Evaluation) -> xr.Dataset:
             "turn": ("channel", np.array([one.turn for one in measured.channels])),
             "special_value": ("special_datum", np.array([point.value for point in points], dtype=float)),
             "special_sigma": ("special_datum", np.array([point.sigma for point in points], dtype=float)),
-            "special_residual": ("special_datum", found.residuals[rows * count :]),
+            "special_residual": ("special_datum", found.residuals[rows * count : rows * count + len(points)]),
             "special_type": ("special_datum", np.array([point.type for point in points], dtype=object)),
         },
         {"channel": [one.name for one in measured.channels]},

@@ -36,6 +36,8 @@ class Evaluation:
     measured: Measured  # the data
     branches: tuple[Branch, ...]  # the model's branches at these parameters
     names: tuple[str, ...]  # parameters that are varied
+    # residuals and derivatives of what is known of the parameters beforehand, shapes (prior,) and (prior, parameter)
+    beforehand: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     def __post_init__(self) -> None:
         self.sheets: list[Sheet] = sheets_of(self.branches)
@@ -140,7 +142,7 @@ class Evaluation:
 
     @cached_property
     def residuals(self) -> NDArray[np.float64]:
-        """Model less data over standard errors: datum after datum of each channel, then the special points.
+        """Model less data over standard errors: datum after datum of each channel, special points, then priors.
 
         A special point that the model lacks counts with the range of the data.
         """
@@ -156,7 +158,8 @@ class Evaluation:
             (span if one is None else one.value(one.varied[0]) - point.value) / point.sigma
             for point, one in zip(self.measured.points, self.special, strict=True)
         ]
-        return np.concatenate([*parts, np.array(ends)])
+        known = [] if self.beforehand is None else [self.beforehand[0]]
+        return np.concatenate([*parts, np.array(ends), *known])
 
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
@@ -186,6 +189,8 @@ class Evaluation:
         for point, one in zip(self.measured.points, self.special, strict=True):
             moved = np.zeros(len(self.names)) if one is None else _moved(one, self.names)
             parts.append(moved[None, :] / point.sigma)
+        if self.beforehand is not None:
+            parts.append(self.beforehand[1])
         return np.concatenate(parts)
 
 

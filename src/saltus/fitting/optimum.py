@@ -16,6 +16,7 @@ import numpy as np
 
 from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.evaluation import Evaluation
+from saltus.fitting.priors import NO_PRIORS, Priors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,6 +60,7 @@ class Objective:
     trace: Retraced  # returns branches at changed parameters
     names: tuple[str, ...]  # varied parameters
     reporter: Reporter  # who is told
+    priors: Priors = NO_PRIORS  # what is known of the parameters beforehand
     # loss, parameters and evaluation of the best ones
     best: tuple[float, NDArray[np.float64], Evaluation] | None = None
     failures: list[str] = field(default_factory=list)  # why parameters were refused
@@ -113,7 +115,8 @@ class Objective:
 
     def _tried(self, values: NDArray[np.float64], *, anew: bool) -> Evaluation:
         changes = dict(zip(self.names, values.tolist(), strict=True))
-        found = Evaluation(self.measured, (self.trace.anew if anew else self.trace)(changes), self.names)
+        beforehand = self.priors.residuals(values), self.priors.jacobian(len(values))
+        found = Evaluation(self.measured, (self.trace.anew if anew else self.trace)(changes), self.names, beforehand)
         self.evaluations += 1
         return found
 
@@ -231,7 +234,7 @@ def minimised(
     def residuals(scaled: NDArray[np.float64]) -> NDArray[np.float64]:
         found = evaluated(placed(scaled))
         if found is None:
-            return np.full(objective.measured.count, np.nan)
+            return np.full(objective.measured.count + len(objective.priors.places), np.nan)
         return found.rough if objective.is_worse(found) else found.residuals
 
     def slopes(scaled: NDArray[np.float64]) -> NDArray[np.float64]:

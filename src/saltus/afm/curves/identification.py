@@ -39,6 +39,7 @@ def fit(
     sigma: Mapping[str, Any],
     *,
     jumps: bool | Sequence[MeasuredPoint] = True,
+    priors: Mapping[str, tuple[float, float]] | None = None,
     options: FitOptions | None = None,
     progress: bool | Report = False,
 ) -> Fit:
@@ -60,6 +61,9 @@ def fit(
         Standard errors of the readings that are fitted, in the units of their names.
     jumps : bool or sequence of MeasuredPoint, optional
         Whether the jumps in the data are data, too. Without a column ``direction`` there are none.
+    priors : mapping of str to (float, float), optional
+        Values of varied parameters that are known beforehand, with standard errors, as `saltus.fit` takes them and
+        `Calibration.priors` has them.
     options : FitOptions, optional
         Starts, profiles, steps.
     progress : bool or callable, optional
@@ -117,7 +121,7 @@ def fit(
     if isinstance(jumps, bool) and "direction" not in table:
         jumps = False
     trace = Retraced(whole(start), lambda orbit, known: sheet_again(orbit, known, how), whole)
-    return fitted(task(table, trace, bounds, vary, sigma, jumps, options), progress)
+    return fitted(task(table, trace, bounds, vary, sigma, jumps, options, priors), progress)
 
 
 def _in_kHz(table: Any) -> Any:

@@ -321,7 +321,8 @@ def free_amplitude(system: HybridSystem, parameters: Mapping[str, float]) -> flo
         end = suffix(number)
         total += abs(parameters.get(f"A0_nm{end}", 0.0))
         total += abs(parameters.get(f"F0_nN{end}", 0.0)) / stiffness * max(quality, 1.0)
-        total += abs(parameters.get(f"Y_nm{end}", 0.0)) * (1.0 + 1.6 * max(quality, 1.0))
+        dragged = parts_of(system).drives.parts[number - 1].fluid == "rests"
+        total += abs(parameters.get(f"Y_nm{end}", 0.0)) * (1.0 + 1.6 * (max(quality, 1.0) + dragged))
     return total
 
 

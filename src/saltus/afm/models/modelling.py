@@ -295,6 +295,11 @@ class _Writing:
                 terms.append(
                     f"{in_brackets(repr(weight))}*{mass}*{self.omega(number)}**2*{name}*{self.wave(number, 'cos')}"
                 )
+                if part.fluid == "rests":
+                    drag = f"k_N_m{end}/({self.own(i)}*Q{end})"
+                    terms.append(
+                        f"{in_brackets(repr(weight))}*{drag}*{self.omega(number)}*{name}*{self.wave(number, 'sin')}"
+                    )
         return in_brackets(sum_of(terms))
 
     def at(self, number: int, i: int) -> str:

@@ -43,6 +43,8 @@ _OTHER_UNITS = {
     "mC/m^2": {"C/m^2": 1e3, "uC/m^2": 1e-3, "nC/m^2": 1e-6},
     "us": {"s": 1e6, "ms": 1e3, "ns": 1e-3},
     "1/ms": {"1/s": 1e-3, "1/us": 1e3},
+    "um": {"m": 1e6, "nm": 1e-3, "mm": 1e3},
+    "nm/V": {"m/V": 1e9, "um/V": 1e3, "pm/V": 1e-3},
     "m": {"um": 1e-6, "mm": 1e-3, "nm": 1e-9, "cm": 1e-2},
     "kg/m^3": {"g/cm^3": 1e3},
     "Pa": {"GPa": 1e9, "MPa": 1e6, "kPa": 1e3},
@@ -124,6 +126,12 @@ QUANTITIES = {
     "tip_A_nm2": Quantity("A nm^2", 1e-4, 1e6, "any"),
     "sample_A_nm2": Quantity("A nm^2", 1e-4, 1e6, "any"),
     "centres_nm": Quantity("nm", 0.05, 1e5, "+"),
+    "density_kg_m3": Quantity("kg/m^3", 1e-3, 2e4, "+"),
+    "viscosity_Pa_s": Quantity("Pa s", 1e-6, 10.0, "+"),
+    "length_um": Quantity("um", 5.0, 2e3, "+"),
+    "width_um": Quantity("um", 1.0, 5e2, "+"),
+    "T_K": Quantity("K", 4.0, 500.0, "+"),
+    "invols_nm_V": Quantity("nm/V", 0.1, 1e5, "+"),
 }
 
 

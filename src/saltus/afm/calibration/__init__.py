@@ -1,0 +1,1 @@
+"""From a thermal spectrum to a calibrated cantilever."""
