@@ -15,7 +15,7 @@ from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.many.retracing import Retraced
 from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.instrument import Instrument
-from saltus.fitting.jumps import read_points
+from saltus.fitting.jumps import DOWN, read_points
 from saltus.fitting.measured import Channel, Measured, MeasuredPoint, read_measured
 from saltus.fitting.optimum import Minimum, Objective, covariance, degeneracies, minimised
 from saltus.fitting.profiles import Profiles
@@ -359,9 +359,7 @@ def _dataset(found: Evaluation) -> xr.Dataset:
     measured, (sheet, _, side) = found.measured, found.assigned
     count, rows = len(measured), measured.rows
     model = [
-        _beside(
-            one, found.instrument.factor(one.name), found.seen[[measured.formulas.index(f) for f in one.formulas]]
-        )
+        _beside(one, found.instrument.factor(one.name), found.seen[[measured.formulas.index(f) for f in one.formulas]])
         for one in measured.channels
     ]
     residual = found.residuals[: rows * count].reshape(rows, count).T
@@ -384,6 +382,10 @@ def _dataset(found: Evaluation) -> xr.Dataset:
             "turn": ("channel", np.array([one.turn for one in measured.channels])),
             "special_value": ("special_datum", np.array([point.value for point in points], dtype=float)),
             "special_sigma": ("special_datum", np.array([point.sigma for point in points], dtype=float)),
+            "special_reach": (
+                "special_datum",
+                np.array([-point.reach if point.direction == DOWN else point.reach for point in points], dtype=float),
+            ),
             "special_residual": ("special_datum", found.residuals[rows * count :]),
             "special_type": ("special_datum", np.array([point.type for point in points], dtype=object)),
         },

@@ -105,9 +105,7 @@ class Evaluation:
             self._end_moves[key] = float(slopes @ np.array(list(weights.values()))) if slopes.size else 0.0
         return self._end_moves[key]
 
-    def _without_drift(
-        self, sheet: Sheet, x: NDArray[np.float64], drifts: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _without_drift(self, sheet: Sheet, x: NDArray[np.float64], drifts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the places that lie between the ends of a sheet as `x` does between those that have drifted."""
         if not np.any(drifts):
             return x

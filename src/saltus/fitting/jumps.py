@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from saltus.continuation import Branch, SpecialPoint
 
-__all__ = ["beyond", "jumps_in", "point_near", "read_points"]
+__all__ = ["DOWN", "beyond", "jumps_in", "point_near", "read_points"]
 
 _LEAST = 10.0  # least change of the data at a jump, in standard errors
 _STEEP = 3.0  # change at a jump over the largest of the changes around it, at least
@@ -108,7 +108,9 @@ def read_points(
         checks.positive("sigma of a measured point", point.sigma)
         checks.chosen("direction", point.direction, ("", UP, DOWN))
         if checks.non_negative("reach of a measured point", point.reach) and not point.direction:
-            raise InputError("reach of a measured point", point.reach, "0 without a direction", "name the way: up, down")
+            raise InputError(
+                "reach of a measured point", point.reach, "0 without a direction", "name the way: up, down"
+            )
         points.append(point)
     return points
 

@@ -267,7 +267,9 @@ def read_measured(
     if not whole.any():
         raise InputError("data", f"{len(x)} rows", "at least one row without a missing number")
     channels = [replace(one, values=one.values[whole], sigma=one.sigma[whole]) for one in channels]
-    unused = tuple(name for name in known if name not in (along, DIRECTION, TIME, *table.attrs.get(_INDEX, ()), *errors))
+    unused = tuple(
+        name for name in known if name not in (along, DIRECTION, TIME, *table.attrs.get(_INDEX, ()), *errors)
+    )
     directions = tuple("" if pd.isna(way) else str(way) for way in ways[whole])
     told = None if times is None else times[whole]
     return Measured(along, x[whole], tuple(channels), directions, (), int((~whole).sum()), unused, told)

@@ -383,6 +383,8 @@ def _data_of(held: Contents) -> xr.Dataset:
         data[name] = (each, held.array(f"fit_{name}", each))
     for name in ("special_value", "special_sigma", "special_residual"):
         data[name] = ("special_datum", held.array(f"fit_{name}", ("special_datum",)))
+    reach = held.array("fit_special_reach", ("special_datum",)) if "fit_special_reach" in held.dataset else None
+    data["special_reach"] = ("special_datum", np.zeros(held.size("special_datum")) if reach is None else reach)
     data["turn"] = ("channel", held.array("fit_turn", ("channel",), least=0.0))
     data["special_type"] = ("special_datum", held.array("fit_special_type", ("special_datum",), str))
     return xr.Dataset(data, {"channel": names})
