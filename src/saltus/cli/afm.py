@@ -82,10 +82,9 @@ def fit(
     with interruptible():
         from saltus.afm.files.configuration import read_experiment
 
-        with bar("the first curve") as progress:
-            with catch_warnings():
-                filterwarnings("ignore", "saltus: the data do not fit", RuntimeWarning)  # told below
-                found = read_experiment(config).fitted(data, progress)
+        with bar("the first curve") as progress, catch_warnings():
+            filterwarnings("ignore", "saltus: the data do not fit", RuntimeWarning)  # told below
+            found = read_experiment(config).fitted(data, progress)
         _write(found, out, plot)
     if any(told.startswith("interrupted") for told in (found.stopped, *found.notes)):
         typer.echo("saltus: interrupted; kept the best so far", err=True)

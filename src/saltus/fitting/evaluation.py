@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation import Branch, SpecialPoint
-    from saltus.orbits import PeriodicOrbit
     from saltus.fitting.measured import Measured, MeasuredPoint
+    from saltus.orbits import PeriodicOrbit
 
 __all__ = ["Evaluation"]
 

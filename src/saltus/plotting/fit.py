@@ -22,6 +22,7 @@ __all__ = ["plot_fit"]
 
 _LARGE = 15.0  # residual from which residuals are drawn by their logarithm
 _LINEAR = 5.0  # up to where they are not
+_SHARE = 3.0  # height of that part, in decades
 _MARKERS = ("^", "v", "o")  # markers of data, by the order of their directions
 
 
@@ -135,4 +136,12 @@ def _draw_outliers(upper: Axes, lower: Axes, fit: Fit, shown: NDArray[np.float64
             x, residual[rows][range(len(rows)), np.argmax(np.abs(residual[rows]), axis=1)], color=style.CURVE, **ring
         )
     if float(np.abs(residual).max()) > _LARGE:
-        lower.set_yscale("symlog", linthresh=_LINEAR)
+        lower.set_yscale("symlog", linthresh=_LINEAR, linscale=_SHARE)
+        largest = float(np.abs(residual).max())
+        lower.set_ylim(min(-2.0 * _LINEAR, 2.0 * residual.min()), max(2.0 * _LINEAR, 2.0 * residual.max()))
+        beyond = 10.0 ** np.arange(1.0, np.log10(2.0 * largest))
+        low, high = lower.get_ylim()
+        every = (*-beyond[::-1], -_LINEAR, 0.0, _LINEAR, *beyond)
+        ticks = [value for value in every if low <= value <= high]
+        lower.set_yticks(ticks, [f"{value:g}" for value in ticks], minor=False)
+        lower.set_yticks([], minor=True)
