@@ -23,6 +23,7 @@ VARY = {
     "Zc_nm": {"E_GPa": (0.2, 30.0), "Zc_offset_nm": (-1.0, 1.0), "gain": (0.5, 2.0)},
     "f_kHz": {"E_GPa": (0.2, 30.0), "f0_drift_Hz": (-300.0, 300.0)},
 }
+_TOLD = 10  # sets after which the coverage so far is told
 TRUE = {"E_GPa": 3.0, "Zc_offset_nm": OFFSET_NM, "gain": GAIN, "f0_drift_Hz": DRIFT_HZ}
 
 
@@ -80,12 +81,14 @@ def main(sets=100):
             flagged += bool(found.misfit)
             for name in vary:
                 hits[name] += abs(found[name] - TRUE[name]) <= found.errors[name]
-        took = (time.process_time() - begun) / sets
-        told = ", ".join(f"{name} {100.0 * hit / sets:.0f} %" for name, hit in hits.items())
-        print(
-            f"{along}: {told}; flagged {flagged} of {sets}; {len(x)} data, {took:.2f} s of a processor a fit",
-            flush=True,
-        )
+            if (seed + 1) % _TOLD == 0 or seed + 1 == sets:
+                took = (time.process_time() - begun) / (seed + 1)
+                told = ", ".join(f"{name} {100.0 * hit / (seed + 1):.0f} %" for name, hit in hits.items())
+                print(
+                    f"{along}, {seed + 1} sets: {told}; flagged {flagged}; {len(x)} data,"
+                    f" {took:.2f} s of a processor a fit",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 __all__ = ["Instrument"]
 
@@ -31,6 +31,11 @@ class Instrument:
     def value(self, name: str) -> float:
         """Return the value of an unknown; by default one without effect: 1 of a gain, 0 of others."""
         return self.values.get(name, 1.0 if name and name == self.gain else 0.0)
+
+    def among(self, names: Collection[str]) -> Instrument:
+        """Return the same instrument, of which only unknowns among some names are unknown."""
+        offset, gain, drift = (name if name in names else "" for name in (self.offset, self.gain, self.drift))
+        return replace(self, offset=offset, gain=gain, drift=drift)
 
     @property
     def moved_by(self) -> float:

@@ -407,13 +407,12 @@ def _instrument_of(held: Contents) -> Instrument:
         return Instrument()
     table = held.json("instrument", dict)
     try:
-        return Instrument(
-            **{name: checks.text(name, table[name]) for name in ("offset", "gain", "drift")},
-            scaled=tuple(checked_texts(table["scaled"], "scaled")),
-            **{
-                name: {key: checks.number(f"{name} of {key}", value) for key, value in table[name].items()}
-                for name in ("drifting", "values")
-            },
+        offset, gain, drift = (checks.text(name, table[name]) for name in ("offset", "gain", "drift"))
+        drifting, values = (
+            {key: checks.number(f"{name} of {key}", value) for key, value in table[name].items()}
+            for name in ("drifting", "values")
         )
+        scaled = tuple(checked_texts(table["scaled"], "scaled"))
+        return Instrument(offset, gain, scaled, drift, drifting, values)
     except (KeyError, AttributeError) as error:
         raise InputError("attribute 'instrument'", table, "offset, gain, drift, scaled, drifting, values") from error

@@ -34,7 +34,6 @@ _MARGIN = 0.02  # share of the data's range by which the model's curve goes beyo
 OFFSET = "Zc_offset_nm"  # what is added to the distances of data
 GAIN = "gain"  # what the detector multiplies amplitudes by
 DRIFT = "f0_drift_Hz"  # change of f0 from the first datum to the last
-_KINDS = ("offset", "gain", "drift")  # unknowns of an `Instrument`
 _OWN = {
     OFFSET: Quantity("nm", 1e-5, 1e5, "any"),
     GAIN: Quantity("", 1e-3, 1e3, "+"),
@@ -67,9 +66,10 @@ def fit(
     model : HybridSystem
         A model of `saltus.afm.model`; the search starts at its values.
     vary : mapping of str to (float, float)
-        Parameters that are sought, with least and greatest values. Unknowns of the measurement are ``Zc_offset_nm``,
-        which is added to the distances of the data, ``gain``, by which the detector multiplies amplitudes, and
-        ``f0_drift_Hz``, the change of f0 from the first datum to the last: by a column ``time_s``, or else row by row.
+        Parameters that are sought, with least and greatest values. Three unknowns of the measurement may be among
+        them. ``Zc_offset_nm`` is added to the distances of the data. ``gain`` multiplies the model's amplitudes.
+        ``f0_drift_Hz`` is the change of f0 from the first datum to the last: by a column ``time_s``, or else row by
+        row.
     sigma : mapping of str to float or array
         Standard errors of the readings that are fitted, in the units of their names.
     jumps : bool or sequence of MeasuredPoint, optional
@@ -124,7 +124,7 @@ def fit(
     observables = {name: known[name] for name in sigma if name in known} | dict(options.observables)
     turns = {name: _TURN_DEG for name in sigma if str(name).startswith("lag_deg")} | dict(options.turns)
     options = replace(options, observables=observables, turns=turns)
-    instrument = replace(instrument, **{kind: "" for kind in _KINDS if getattr(instrument, kind) not in vary})
+    instrument = instrument.among(vary)
     bounds = _range(table[along].to_numpy(), along, vary.get(OFFSET, (0.0, 0.0)))
 
     steps = options.steps

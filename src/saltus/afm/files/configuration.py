@@ -318,7 +318,7 @@ def _fit(
     phase_convention: str = "lag90",
     signs: Mapping[str, float] | None = None,
     reach: float | None = None,
-    max_evaluations: int | None = None,
+    max_evaluations: int = FitOptions.max_evaluations,
 ) -> Fit:
     table = _told(read_curve(data, columns, scale=scale), phase_convention, signs)
     gap = float(table["Zc_nm"].max()) if "Zc_nm" in table else None
@@ -326,9 +326,11 @@ def _fit(
         name: checks.interval(f"fit.vary.{name}", limits, finite=True)
         for name, limits in _table("fit.vary", vary).items()
     }
-    given = {} if max_evaluations is None else {"max_evaluations": max_evaluations}
     options = FitOptions(
-        start={} if start is None else _table("fit.start", start), profile=profile, reach=reach, **given
+        start={} if start is None else _table("fit.start", start),
+        profile=profile,
+        reach=reach,
+        max_evaluations=max_evaluations,
     )
     errors = _table("fit.sigma", sigma)
     system = experiment.model(gap)
