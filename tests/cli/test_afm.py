@@ -12,14 +12,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import saltus
 from commands import HEAVY, run_command
 from instrument_writers import jpk
-from saltus import afm, cli
+from saltus import InputError, afm, cli
 from saltus.afm.curves.stable_orbits import stable_orbits
-from saltus.afm.files.configuration import model_of, read_experiment
+from saltus.afm.files.configuration import Experiment, _told, model_of, read_experiment
 from saltus.afm.files.sets import entries_of, names, text_of
 from saltus.afm.models.modelling import model
 
@@ -459,10 +460,34 @@ def test_an_interrupt_of_a_fit_keeps_the_best_so_far(measured, lever, capsys, mo
     assert abs(kept["H_aJ"] - 0.12) < 0.03
 
 
+def test_phases_of_a_convention_and_columns_of_another_sign_become_lags(tmp_path):
+    table = pd.DataFrame({"Zc_nm": [-10.0, -9.0], "lag_deg": [30.0, 20.0], "direction": ["approach"] * 2})
+    found = _told(table, "bruker0", {"Zc_nm": -1})
+    assert (found["Zc_nm"].tolist(), found["lag_deg"].tolist()) == ([10.0, 9.0], [60.0, 70.0])
+    assert _told(table, "lag90", None).equals(table)
+    for signs, message in (({"Zc_nm": 2}, "fit.signs.Zc_nm = 2: must be 1 or -1"), ({"x": 1}, "fit.signs = 'x'")):
+        with pytest.raises(InputError, match=message):
+            _told(table, "lag90", signs)
+
+
+def test_where_nothing_fits_the_exit_code_is_3_and_the_fit_is_written(lever, capsys, monkeypatch):
+    class Nothing:
+        misfit, stopped, notes = "the data do not fit: chi2/n = 9", "the optimum is found", ()
+
+        def save(self, path):
+            path.write_text("kept")
+
+    monkeypatch.setattr(Experiment, "fitted", lambda *_: Nothing())
+    out = lever.with_name("fit.nc")
+    code, _, told = run_command(capsys, "afm", "fit", "apd.csv", str(lever), "-o", str(out))
+    assert (code, told) == (3, "saltus: the data do not fit: chi2/n = 9\n")
+    assert out.read_text() == "kept"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("vary", "vray", r"key = 'vray': must be one of vary, .*, columns, scale in \[fit\]; did you mean 'vary'\?"),
+        ("vary", "vray", r"key = 'vray': must be one of vary, .*, max_evaluations in \[fit\]; did you mean 'vary'\?"),
         ("vary = {H_aJ", "vary = {H_aj", r"vary = 'H_aj': must be .*; did you mean 'H_aJ'\?"),
         ("start = {H_aJ = 0.15}", "start = {E_GPa = 1.0}", "start = 'E_GPa': must be one of H_aJ"),
         ("[0.01, 1.0]", "[1.0, 0.01]", r"fit.vary.H_aJ = \[1.0, 0.01\]: must be two finite numbers, the lower first"),

@@ -136,7 +136,7 @@ def test_a_datum_beyond_a_fold_is_compared_with_the_last_orbits_of_its_sheet(fol
     end = found.sheets[sheet].ends[1]
     assert end.value("w") == high
     whole = found.jacobian[0, 0]
-    alone = found._observed(sheet, place, 1)[1][0]
+    alone = found._observed(sheet, place, 1, high + 0.05, 0.0)[1][0]
     moved = end.sensitivity(["A"])["w"].to_numpy()[0]
     assert moved > 0.1  # more force, a higher fold
     # the share of the other end in the place is 1e-5 of the sheet's length

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from saltus import InputError, MeasuredPoint
-from saltus.fitting.jumps import jumps_in, point_near, read_points
+from saltus.fitting.jumps import beyond, jumps_in, point_near, read_points
 from saltus.fitting.measured import Channel, Measured
 
 W = np.linspace(1.0, 2.0, 11)
@@ -142,6 +142,8 @@ BAD = {
     "outside": ([MeasuredPoint("SN", 2.1, 0.1)], "value of a measured point = 2.1"),
     "sigma": ([MeasuredPoint("SN", 1.5, 0.0)], "sigma of a measured point = 0.0"),
     "direction": ([MeasuredPoint("SN", 1.5, 0.1, "left")], "direction = 'left'"),
+    "reach": ([MeasuredPoint("SN", 1.5, 0.1, "up", -0.1)], "reach of a measured point = -0.1"),
+    "reach without a way": ([MeasuredPoint("SN", 1.5, 0.1, "", 0.1)], "name the way: up, down"),
 }
 
 
@@ -150,6 +152,20 @@ def test_points_that_cannot_be_used_are_told(what):
     given, message = BAD[what]
     with pytest.raises(InputError, match=message):
         read_points(given, measured(W, W, [""] * 11), BOUNDS)
+
+
+@pytest.mark.parametrize(("way", "sign"), [("up", 1.0), ("down", -1.0)])
+def test_a_jump_bounds_its_fold_from_one_side(way, sign):
+    """No cost within the reach behind the jump; before it, and beyond its reach, the distance counts."""
+    point = MeasuredPoint("SN", 1.5, 0.01, way, 0.2)
+    for behind, away, slope in ((-0.1, -0.1, 1.0), (0.1, 0.0, 0.0), (0.3, 0.1, 1.0)):
+        assert beyond(point, 1.5 + sign * behind) == (pytest.approx(sign * away, abs=1e-12), slope)
+    assert beyond(point._replace(reach=0.0), 1.6) == (pytest.approx(0.1), 1.0)
+
+
+def test_jumps_in_data_have_the_reach_that_is_asked_for():
+    data = measured(W, step(1.45), ["up"] * 11)
+    assert [one.reach for one in read_points(True, data, BOUNDS, 0.3)] == [0.3]
 
 
 # the model's special points

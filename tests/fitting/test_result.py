@@ -95,15 +95,29 @@ def test_the_words_of_a_fit_name_what_it_found(found):
     assert lines[-2:] == ["  a note", "  the optimum is found, after 7 evaluations"]
 
 
-def test_a_datum_five_standard_errors_off_is_counted_and_said_first(found):
+def test_the_only_datum_far_off_is_named_and_chi2_is_told_with_and_without_it(found):
     data = found.data.copy(deep=True)
     data["residual"][1, 0] = -50.0
     one = replace(found, data=data)
-    assert one.misfit.startswith("the data do not fit: chi2/n = 5")
-    assert "1 of 5 data lie more than 5 standard errors off the model" in one.misfit
+    assert one.misfit == ""
+    assert one.outliers == (1,)
+    rest = np.delete(found.residuals, 1)
+    assert one.chi2_without_outliers == pytest.approx(rest @ rest / 4.0, rel=1e-12)
+    lines = repr(one).splitlines()
+    assert lines[1] == "  outlier: datum 1 at w = 0.85, whose R is 50 standard errors off"
+    assert lines[2] == f"  chi2/n = 500 with 1 outlier, {one.chi2_without_outliers:.3g} without"
+    assert one != found
+
+
+def test_two_of_five_data_far_off_are_no_outliers_and_are_said_first(found):
+    data = found.data.copy(deep=True)
+    data["residual"][1, 0] = data["residual"][3, 0] = -50.0
+    one = replace(found, data=data)
+    assert one.outliers == ()
+    assert one.misfit.startswith("the data do not fit: chi2/n = 1e+03 is above")
+    assert "2 of 5 data lie more than 5 standard errors off the model" in one.misfit
     assert one.message == f"{one.misfit}; the optimum is found"
     assert repr(one).splitlines()[1] == f"  {one.misfit}"
-    assert one != found
 
 
 @pytest.mark.campaign

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+from warnings import catch_warnings, filterwarnings
 
 import typer
 
 from saltus.cli.console import (
     INTERRUPTED,
+    MISFIT,
     add_row,
     bar,
     checked_picture,
@@ -74,18 +76,22 @@ def fit(
     """Find the parameters with which a measured curve fits; the table [fit] has vary and sigma.
 
     Its columns name those of DATA, as columns = {f_kHz = "Dim0", amplitude_nm = "Amplitude"}. An interrupt (Ctrl-C)
-    keeps the best so far.
+    keeps the best so far. The exit code is 3 where nothing fits.
     """
     out = _checked_out(out, plot)
     with interruptible():
         from saltus.afm.files.configuration import read_experiment
 
-        with bar("the first curve") as progress:
+        with bar("the first curve") as progress, catch_warnings():
+            filterwarnings("ignore", "saltus: the data do not fit", RuntimeWarning)  # told below
             found = read_experiment(config).fitted(data, progress)
         _write(found, out, plot)
     if any(told.startswith("interrupted") for told in (found.stopped, *found.notes)):
         typer.echo("saltus: interrupted; kept the best so far", err=True)
         raise SystemExit(INTERRUPTED)
+    if found.misfit:
+        typer.echo(f"saltus: {found.misfit}", err=True)
+        raise SystemExit(MISFIT)
 
 
 @group.command("show", no_args_is_help=True)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FAILED",
     "INTERRUPTED",
+    "MISFIT",
     "add_row",
     "bar",
     "cell",
@@ -41,6 +42,7 @@ __all__ = [
 ]
 
 FAILED = 2  # exit code of an error, which is told in a line
+MISFIT = 3  # exit code of a fit to data that nothing fits
 INTERRUPTED = 130  # exit code of an interrupt
 
 _TABLE_WIDTH = 80  # columns of a table, at least

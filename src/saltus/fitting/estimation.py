@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -14,7 +14,8 @@ from saltus import checks
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.many.retracing import Retraced
 from saltus.errors import ConvergenceError, InputError
-from saltus.fitting.jumps import read_points
+from saltus.fitting.instrument import Instrument
+from saltus.fitting.jumps import DOWN, read_points
 from saltus.fitting.measured import Channel, Measured, MeasuredPoint, read_measured
 from saltus.fitting.optimum import Minimum, Objective, covariance, degeneracies, minimised
 from saltus.fitting.priors import NO_PRIORS, Priors, read_priors
@@ -35,6 +36,7 @@ __all__ = ["FitOptions", "Sheeted", "fit", "fitted"]
 _CORRELATED = 0.95  # size of a correlation from which a parameter is profiled
 _MOST = 60  # evaluations of a search, at most
 _REPEATED = 3  # times that profiles are computed, at most: a better fit that one finds makes them void
+_REACH = 0.1  # how far behind a jump its fold may lie, over the range of the data, where nothing else is told
 _NO_EFFECT = 1e-6  # change of a datum by a parameter over all its range, in standard errors, that is rounding
 
 
@@ -71,7 +73,10 @@ class FitOptions:
     steps : StepControl or None
         Steps of the branches that are traced; by default those of the functions that trace them.
     max_evaluations : int
-        Evaluations of the search, at most.
+        Evaluations of the search, at most. Searches from further starts have as many together.
+    reach : float or None
+        How far behind a jump in the data its fold may lie; None for a tenth of the data's range, 0 for a jump at its
+        fold. Noise makes a motion jump before its fold.
     """
 
     observables: Mapping[str, str] = field(default_factory=dict)
@@ -80,6 +85,7 @@ class FitOptions:
     profile: Sequence[str] | None = None
     steps: StepControl | None = None
     max_evaluations: int = _MOST
+    reach: float | None = None
 
 
 @dataclass(frozen=True)
@@ -94,6 +100,7 @@ class Task:
     options: FitOptions
     sought: bool  # whether jumps were looked for in the data
     priors: Priors = NO_PRIORS  # what is known of the parameters beforehand
+    instrument: Instrument = field(default_factory=Instrument)  # unknowns of the measurement
 
 
 def fit(
@@ -201,40 +208,47 @@ def task(
     jumps: bool | Sequence[MeasuredPoint],
     options: FitOptions,
     priors: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Instrument | None = None,
 ) -> Task:
     """Return the task of a fit, its arguments checked."""
+    instrument = Instrument() if instrument is None else instrument
     branch = trace.branches[0]
     system, along = branch.system, branch.parameter
     measured = read_measured(data, along, system, sigma, options.observables, options.turns)
-    outside = (measured.x < bounds[0]) | (measured.x > bounds[1])
+    names, start, limits = _varied(vary, branch, options.start, instrument)
+    own = replace(instrument, values=dict(zip(names, start.tolist(), strict=True)))
+    x = measured.x + own.moved_by
+    outside = (x < bounds[0]) | (x > bounds[1])
     if outside.any():
-        hint = f"trace the branch from {measured.x.min():.9g} to {measured.x.max():.9g}"
+        hint = f"trace the branch from {x.min():.9g} to {x.max():.9g}"
         told = f"{int(outside.sum())} of {len(measured)} data outside"
         raise InputError(along, told, f"data between {bounds[0]:.9g} and {bounds[1]:.9g}, where the branch is", hint)
-    measured = measured.with_points(read_points(jumps, measured, bounds))
+    reach = _REACH * float(np.ptp(x)) if options.reach is None else checks.non_negative("reach", options.reach)
+    inside = bounds[0] - own.moved_by, bounds[1] - own.moved_by
+    measured = measured.with_points(read_points(jumps, measured, inside, reach))
     checks.count("max_evaluations", options.max_evaluations, 1)
-    names, start, limits = _varied(vary, branch, options.start)
     known = read_priors(priors, names)
     if measured.count + len(known.places) < len(names):
         raise InputError("data", f"{measured.count} numbers", f"at least {len(names)}, one for each varied parameter")
     if options.profile is not None:
         for name in checks.names("profile", options.profile, "varied parameters"):
             checks.chosen("profile", name, names)
-    return Task(measured, trace, names, start, limits, options, jumps is True, known)
+    return Task(measured, trace, names, start, limits, options, jumps is True, known, instrument)
 
 
 def _varied(
-    vary: object, branch: Branch, starts: Mapping[str, float]
+    vary: object, branch: Branch, starts: Mapping[str, float], instrument: Instrument
 ) -> tuple[tuple[str, ...], NDArray[np.float64], NDArray[np.float64]]:
     """Return names, starts and bounds of the varied parameters."""
-    known = [name for name in branch.system.parameter_names if name != branch.parameter]
+    known = [name for name in branch.system.parameter_names if name != branch.parameter] + list(instrument.names)
     wanted = checks.mapping("vary", vary, "bounds by parameter, as {'c': (0.01, 1.0)}", known=known)
     if not wanted:
         raise InputError("vary", vary, "at least one parameter with its bounds")
     checks.mapping("start", starts, "values by parameter", known=wanted)
     bounds = np.array([checks.interval(f"vary[{name!r}]", limits, finite=True) for name, limits in wanted.items()]).T
     given = {name: checks.number(f"start[{name!r}]", value) for name, value in starts.items()}
-    start = np.array([given.get(name, branch.parameters[name]) for name in wanted])
+    ours = {**branch.parameters, **{name: instrument.value(name) for name in instrument.names}}
+    start = np.array([given.get(name, ours[name]) for name in wanted])
     for i, name in enumerate(wanted):
         low, high = bounds[:, i]
         if not low <= start[i] <= high:
@@ -247,7 +261,7 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
     """Return the fit that a task asks for; warn where the data do not fit."""
     names, bounds = wanted.names, wanted.bounds
     with Reporter(progress) as reporter:
-        objective = Objective(wanted.measured, wanted.trace, names, reporter, wanted.priors)
+        objective = Objective(wanted.measured, wanted.trace, names, reporter, wanted.priors, wanted.instrument)
         _begin(objective, wanted)
         found = searched(objective, wanted.start, bounds, wanted.options.max_evaluations)
         refused = len(objective.failures)
@@ -274,6 +288,7 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
         evaluations=objective.evaluations,
         stopped=found.stopped,
         profiles=profiles.intervals,
+        instrument=found.evaluation.instrument,
         notes=(*_notes(wanted, found, objective), *profiles.notes),
     )
     if fit.misfit and not found.is_interrupted:
@@ -329,6 +344,12 @@ def _notes(wanted: Task, found: Minimum, objective: Objective) -> tuple[str, ...
         if one is None:
             what = f"jump on the way {point.direction}" if point.direction else point.type
             notes.append(f"the {what} at {point.value:.6g} has none in the model")
+    notes += [
+        f"the jump {point.direction} at {point.value:.6g} bounds its fold from one side: it lies there, or behind by"
+        f" {point.reach:.3g} at most"
+        for point in measured.points
+        if point.reach
+    ]
     notes += degeneracies(found.evaluation.jacobian, found.values, wanted.names)
     for i, name in enumerate(wanted.names):
         low, high = wanted.bounds[:, i]
@@ -345,7 +366,10 @@ def _dataset(found: Evaluation) -> xr.Dataset:
 
     measured, (sheet, _, side) = found.measured, found.assigned
     count, rows = len(measured), measured.rows
-    model = [_beside(one, found.seen[[measured.formulas.index(f) for f in one.formulas]]) for one in measured.channels]
+    model = [
+        _beside(one, found.instrument.factor(one.name), found.seen[[measured.formulas.index(f) for f in one.formulas]])
+        for one in measured.channels
+    ]
     residual = found.residuals[: rows * count].reshape(rows, count).T
     each = ("datum", "channel")
     table = np.array([one.values for one in measured.channels], dtype=np.complex128).T
@@ -366,6 +390,10 @@ def _dataset(found: Evaluation) -> xr.Dataset:
             "turn": ("channel", np.array([one.turn for one in measured.channels])),
             "special_value": ("special_datum", np.array([point.value for point in points], dtype=float)),
             "special_sigma": ("special_datum", np.array([point.sigma for point in points], dtype=float)),
+            "special_reach": (
+                "special_datum",
+                np.array([-point.reach if point.direction == DOWN else point.reach for point in points], dtype=float),
+            ),
             "special_residual": ("special_datum", found.residuals[rows * count : rows * count + len(points)]),
             "special_type": ("special_datum", np.array([point.type for point in points], dtype=object)),
         },
@@ -373,7 +401,7 @@ def _dataset(found: Evaluation) -> xr.Dataset:
     )
 
 
-def _beside(channel: Channel, seen: NDArray[np.float64]) -> NDArray[Any]:
-    """Return an observable of the model; an angle in the turn of the data."""
-    found = channel.model(seen)
+def _beside(channel: Channel, gain: float, seen: NDArray[np.float64]) -> NDArray[Any]:
+    """Return an observable of the model, times a gain; an angle in the turn of the data."""
+    found = gain * channel.model(seen)
     return found - channel.turn * np.round((found - channel.values) / channel.turn) if channel.turn else found

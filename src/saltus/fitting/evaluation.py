@@ -2,27 +2,33 @@
 
 A datum belongs to the nearest stable sheet, by its residuals. Beyond the end of a sheet the datum is compared with the
 sheet's last orbits, which move as the end does: by the chain rule, y'(p) + y'(x) x_end'(p).
+
+A drift gives each datum parameters of its own. Its orbit is solved there, from one that lies alike between the ends of
+its sheet. Where the sheet ends, observables are linear in the drift, as the ends are.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.continuation.many.retracing import moved
 from saltus.continuation.results.sheets import WITHIN, Sheet, sheets_of
 from saltus.errors import ConvergenceError, InputError
-from saltus.fitting.jumps import point_near
+from saltus.fitting.instrument import Instrument
+from saltus.fitting.jumps import beyond, point_near
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation import Branch, SpecialPoint
-    from saltus.fitting.measured import Measured
+    from saltus.fitting.measured import Measured, MeasuredPoint
+    from saltus.orbits import PeriodicOrbit
 
 __all__ = ["Evaluation"]
 
@@ -38,31 +44,35 @@ class Evaluation:
     names: tuple[str, ...]  # parameters that are varied
     # residuals and derivatives of what is known of the parameters beforehand, shapes (prior,) and (prior, parameter)
     beforehand: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    instrument: Instrument = field(default_factory=Instrument)  # what the measurement does to the model's curve
 
     def __post_init__(self) -> None:
         self.sheets: list[Sheet] = sheets_of(self.branches)
         if not self.sheets:
             raise ConvergenceError("stable sheet of the model", math.inf, 0, "all orbits of its branches are unstable")
-        self._known: dict[tuple[int, float], tuple[NDArray[np.float64], NDArray[np.float64], float]] = {}
+        self._known: dict[tuple[int, float, float], tuple[NDArray[np.float64], NDArray[np.float64], float]] = {}
+        self._end_moves: dict[tuple[int, bool], float] = {}
 
     @cached_property
     def _nearest(self) -> tuple[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]], NDArray[np.float64]]:
         """Sheet, place and side of each datum, and the formulas interpolated there, shape (formula, datum)."""
-        x = self.measured.x
+        x, drifts = self.measured.x + self.instrument.moved_by, self._drifts
         away, places, sides, interpolated = [], [], [], []
         for sheet in self.sheets:
             low, high = sheet.place(False), sheet.place(True)
-            place = np.clip(x, low, high)
+            alike = self._without_drift(sheet, x, drifts)
+            place = np.clip(alike, low, high)
             columns = np.array([sheet.column(formula, place) for formula in self.measured.formulas])
             total = np.zeros(len(x))
             for channel in self.measured.channels:
                 seen = columns[self._of(channel.formulas)]
-                total += (channel.residual(seen, np.arange(len(x))) ** 2).sum(axis=0)
-            beyond = np.where(x < low, -1, np.where(x > high, 1, 0))
-            open_end = ((beyond < 0) & (sheet.ends[0] is None)) | ((beyond > 0) & (sheet.ends[1] is None))
+                gain = self.instrument.factor(channel.name)
+                total += (channel.residual(seen, np.arange(len(x)), gain) ** 2).sum(axis=0)
+            side = np.where(alike < low, -1, np.where(alike > high, 1, 0))
+            open_end = ((side < 0) & (sheet.ends[0] is None)) | ((side > 0) & (sheet.ends[1] is None))
             away.append(np.where(open_end | ~np.isfinite(total), np.inf, total))
             places.append(place)
-            sides.append(beyond)
+            sides.append(side)
             interpolated.append(columns)
         table = np.array(away)
         lost = ~np.isfinite(table.min(axis=0))
@@ -83,49 +93,106 @@ class Evaluation:
         """Residuals from observables interpolated between the branches' points: no orbit is solved for them."""
         return self._residuals(self._nearest[1])
 
-    def _observed(self, sheet: int, place: float, side: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-        """Return the formulas at a place, shape (formulas,), and their derivatives by the varied parameters.
+    @property
+    def _drifts(self) -> NDArray[np.float64]:
+        """Drift at each datum."""
+        return self.instrument.drifted_by * self.measured.passed
 
-        The last column of the derivatives is that by the branch's parameter. Next to an end, where orbits are nearly
-        singular, the place may move inwards: the last that is returned is its distance, over the sheet's length.
+    def _end_move(self, sheet: Sheet, upper: bool) -> float:
+        """Return by how much an end of a sheet moves with the drift."""
+        key = sheet.number, upper
+        if key not in self._end_moves:
+            weights = self.instrument.drifting
+            slopes = sheet.place_slopes(upper, list(weights)) if self.instrument.drift else np.zeros(0)
+            self._end_moves[key] = float(slopes @ np.array(list(weights.values()))) if slopes.size else 0.0
+        return self._end_moves[key]
+
+    def _without_drift(self, sheet: Sheet, x: NDArray[np.float64], drifts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the places that lie between the ends of a sheet as `x` does between those that have drifted."""
+        if not np.any(drifts):
+            return x
+        low, high = sheet.place(False), sheet.place(True)
+        first, last = self._end_move(sheet, False), self._end_move(sheet, True)
+        growth = (last - first) / (high - low) if high > low else 0.0
+        return np.asarray((x - drifts * (first - growth * low)) / (1.0 + growth * drifts))
+
+    def _observed(
+        self, sheet: int, place: float, side: int, x: float, drift: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """Return the formulas of a datum, shape (formulas,), and their derivatives by the varied parameters.
+
+        The last columns of the derivatives are those by the drift and by the branch's parameter. Next to an end, where
+        orbits are nearly singular, the place may move inwards. The last that is returned is its distance, over the
+        sheet's length.
         """
-        key = sheet, place
+        key = sheet, place if side else x, drift
         if key not in self._known:
-            for inset in _INSETS[: len(_INSETS) if side else 1]:
-                there = self.sheets[sheet].place(side > 0, inset) if side else place
-                try:
-                    self._known[key] = *self._solved(sheet, there), inset
-                    break
-                except ConvergenceError:
-                    if not side or inset == _INSETS[-1]:
-                        raise
+            self._known[key] = self._within(sheet, place, x, drift) if not side else self._at_end(sheet, side, drift)
         return self._known[key]
 
-    def _solved(self, sheet: int, place: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        formulas, along = list(self.measured.formulas), self.branches[0].parameter
+    def _at_end(self, sheet: int, side: int, drift: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        for inset in _INSETS:
+            try:
+                there = self.sheets[sheet].place(side > 0, inset)
+                values, slopes = self._solved(self.sheets[sheet].orbit(there), there)
+                break
+            except ConvergenceError:
+                if inset == _INSETS[-1]:
+                    raise
+        by_drift = slopes[:, -2] + slopes[:, -1] * self._end_move(self.sheets[sheet], side > 0)
+        slopes[:, -2] = by_drift
+        return values + drift * by_drift, slopes, inset
+
+    def _within(
+        self, sheet: int, place: float, x: float, drift: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """Return formulas and derivatives of a datum within its sheet; next to an end they are linear in the drift."""
         orbit = self.sheets[sheet].orbit(place)
+        if drift:
+            own = {name: orbit.parameters[name] + drift * by for name, by in self.instrument.drifting.items()}
+            try:
+                there = moved(orbit, {self.branches[0].parameter: x, **own})
+                if there.stable:
+                    return *self._solved(there, x), _INSETS[0]
+            except (ConvergenceError, InputError):
+                pass  # next to an end: its fold is not linear in the drift
+        values, slopes = self._solved(orbit, place)
+        return values + slopes[:, -2] * drift + slopes[:, -1] * (x - place), slopes, _INSETS[0]
+
+    def _solved(self, orbit: PeriodicOrbit, place: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        formulas, along = list(self.measured.formulas), self.branches[0].parameter
         try:
             found = orbit.sensitivity(formulas, self._sorted)
         except InputError as error:
             raise ConvergenceError(f"derivative at {along} = {place:.9g}", math.inf, 0, str(error)) from error
         values = np.array([found.variables[formula].attrs["value"] for formula in formulas])
-        order = [self._sorted.index(name) for name in (*self.names, along)]
-        slopes = np.array([found.variables[formula].values[order] for formula in formulas])
-        if not np.all(np.isfinite(slopes)):
+        table = np.array([found.variables[formula].values for formula in formulas])
+        if not np.all(np.isfinite(table)):
             notes = [note for formula in formulas if (note := found[formula].attrs.get("note"))]
             raise ConvergenceError(f"derivative at {along} = {place:.9g}", math.inf, 0, "; ".join(notes))
-        return values, slopes
+        by_drift = sum(
+            (by * table[:, self._sorted.index(name)] for name, by in self._drifting.items()), np.zeros(len(formulas))
+        )
+        order = [self._sorted.index(name) for name in self.instrument.of_model(self.names)]
+        by_place = table[:, self._sorted.index(along)]
+        return values, np.column_stack([table[:, order], by_drift, by_place])
+
+    @property
+    def _drifting(self) -> Mapping[str, float]:
+        return self.instrument.drifting if self.instrument.drift else {}
 
     @cached_property
     def _sorted(self) -> list[str]:
         """The varied parameters and the branch's, in the order of the system's, in which derivatives cost least."""
-        wanted = {*self.names, self.branches[0].parameter}
+        wanted = {*self.instrument.of_model(self.names), *self._drifting, self.branches[0].parameter}
         return [name for name in self.branches[0].system.parameter_names if name in wanted]
 
     @property
-    def _keys(self) -> list[tuple[int, float, int]]:
+    def _keys(self) -> list[tuple[int, float, int, float, float]]:
         sheets, places, sides = self.assigned
-        return list(zip(sheets.tolist(), places.tolist(), sides.tolist(), strict=True))
+        x = self.measured.x + self.instrument.moved_by
+        rows = (sheets, places, sides, x, self._drifts)
+        return list(zip(*(row.tolist() for row in rows), strict=True))
 
     @cached_property
     def seen(self) -> NDArray[np.float64]:
@@ -138,7 +205,10 @@ class Evaluation:
     @cached_property
     def special(self) -> list[SpecialPoint | None]:
         """The model's special point of each measured one; None where it has none."""
-        return [point_near(point, self.sheets, self.branches) for point in self.measured.points]
+        return [
+            point_near(point._replace(value=point.value + self.instrument.moved_by), self.sheets, self.branches)
+            for point in self.measured.points
+        ]
 
     @cached_property
     def residuals(self) -> NDArray[np.float64]:
@@ -151,15 +221,27 @@ class Evaluation:
     def _residuals(self, seen: NDArray[np.float64]) -> NDArray[np.float64]:
         every = np.arange(len(self.measured))
         parts = [
-            channel.residual(seen[self._of(channel.formulas)], every).ravel() for channel in self.measured.channels
+            channel.residual(seen[self._of(channel.formulas)], every, self.instrument.factor(channel.name)).ravel()
+            for channel in self.measured.channels
         ]
         span = float(np.ptp(self.measured.x)) or 1.0
         ends = [
-            (span if one is None else one.value(one.varied[0]) - point.value) / point.sigma
+            (span if one is None else beyond(point, self._place_of(point, one))[0]) / point.sigma
             for point, one in zip(self.measured.points, self.special, strict=True)
         ]
         known = [] if self.beforehand is None else [self.beforehand[0]]
         return np.concatenate([*parts, np.array(ends), *known])
+
+    def _place_of(self, point: MeasuredPoint, one: SpecialPoint) -> float:
+        """Return where the data should have a special point of the model."""
+        place = one.value(one.varied[0]) - self.instrument.moved_by
+        if self.instrument.drifted_by:
+            place += self.instrument.drifted_by * self.measured.passed_at(point) * self._drift_of(one)
+        return place
+
+    def _drift_of(self, one: SpecialPoint) -> float:
+        """Return by how much a special point moves with the drift."""
+        return float(_moved(one, list(self._drifting)) @ np.array(list(self._drifting.values())))
 
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
@@ -171,27 +253,48 @@ class Evaluation:
             An observable has no derivative at a datum.
         """
         formulas, count = self.measured.formulas, len(self.measured)
-        slopes = np.empty((len(formulas), count, len(self.names)))
+        names, passed = self.instrument.of_model(self.names), self.measured.passed
+        slopes = np.zeros((len(formulas), count, len(self.names)))
+        own = [self.names.index(name) for name in names]
         ends: dict[tuple[int, bool], NDArray[np.float64]] = {}
-        for i, (sheet, place, side) in enumerate(self._keys):
-            _, by_all, inset = self._observed(sheet, place, side)
-            slopes[:, i] = by_all[:, :-1]
+        for i, (sheet, place, side, x, drift) in enumerate(self._keys):
+            _, by_all, inset = self._observed(sheet, place, side, x, drift)
+            slopes[:, i, own] = by_all[:, :-2]
+            if self.instrument.drift in self.names:
+                slopes[:, i, self.names.index(self.instrument.drift)] = passed[i] * by_all[:, -2]
+            if self.instrument.offset in self.names and not side:
+                slopes[:, i, self.names.index(self.instrument.offset)] = by_all[:, -1]
             if side:
                 end = sheet, side > 0
                 if end not in ends:
-                    ends[end] = self.sheets[sheet].place_slopes(side > 0, self.names, inset)
-                slopes[:, i] += by_all[:, -1:] * ends[end]
+                    ends[end] = self.sheets[sheet].place_slopes(side > 0, names, inset)
+                slopes[:, i, own] += by_all[:, -1:] * ends[end]
         parts = []
         for channel in self.measured.channels:
-            of = self._of(channel.formulas)
-            rows = np.array([channel.slopes(self.seen[of, i], slopes[of, i], i) for i in range(count)])
-            parts.append(rows.swapaxes(0, 1).reshape(-1, len(self.names)))
+            of, gain = self._of(channel.formulas), self.instrument.factor(channel.name)
+            rows = gain * np.array([channel.slopes(self.seen[of, i], slopes[of, i], i) for i in range(count)])
+            table = rows.swapaxes(0, 1)
+            if self.instrument.gain in self.names and channel.name in self.instrument.scaled:
+                table[:, :, self.names.index(self.instrument.gain)] = channel.by_gain(self.seen[of])
+            parts.append(table.reshape(-1, len(self.names)))
         for point, one in zip(self.measured.points, self.special, strict=True):
-            moved = np.zeros(len(self.names)) if one is None else _moved(one, self.names)
-            parts.append(moved[None, :] / point.sigma)
+            parts.append(self._point_slopes(point, one)[None, :] / point.sigma)
         if self.beforehand is not None:
             parts.append(self.beforehand[1])
         return np.concatenate(parts)
+
+    def _point_slopes(self, point: MeasuredPoint, one: SpecialPoint | None) -> NDArray[np.float64]:
+        """Return the derivatives of the distance between a special point of the model and a measured one."""
+        found = np.zeros(len(self.names))
+        if one is None:
+            return found
+        names = self.instrument.of_model(self.names)
+        found[[self.names.index(name) for name in names]] = _moved(one, names) if names else 0.0
+        if self.instrument.offset in self.names:
+            found[self.names.index(self.instrument.offset)] = -1.0
+        if self.instrument.drift in self.names:
+            found[self.names.index(self.instrument.drift)] = self.measured.passed_at(point) * self._drift_of(one)
+        return found * beyond(point, self._place_of(point, one))[1]
 
 
 def _moved(point: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from saltus.continuation import Branch, SpecialPoint
 
-__all__ = ["jumps_in", "point_near", "read_points"]
+__all__ = ["DOWN", "beyond", "jumps_in", "point_near", "read_points"]
 
 _LEAST = 10.0  # least change of the data at a jump, in standard errors
 _STEEP = 3.0  # change at a jump over the largest of the changes around it, at least
@@ -28,7 +28,7 @@ UP = "up"  # the way on which the parameter grows
 DOWN = "down"  # the way on which it falls
 
 
-def jumps_in(measured: Measured) -> list[MeasuredPoint]:
+def jumps_in(measured: Measured, reach: float = 0.0) -> list[MeasuredPoint]:
     """Return the jumps in data: steps between neighbours on one way that are much larger than those around them.
 
     The jump is between both data. Its value is the middle, its standard error that of an equal distribution.
@@ -37,6 +37,8 @@ def jumps_in(measured: Measured) -> list[MeasuredPoint]:
     ----------
     measured : Measured
         The data. Those of one direction are taken as one way.
+    reach : float, optional
+        How far behind a jump its fold may lie.
 
     Returns
     -------
@@ -57,7 +59,7 @@ def jumps_in(measured: Measured) -> list[MeasuredPoint]:
                 a, b = float(measured.x[rows[k]]), float(measured.x[rows[k + 1]])
                 if a != b:
                     way = UP if sign > 0.0 else DOWN
-                    found.append(MeasuredPoint("SN", 0.5 * (a + b), abs(b - a) / math.sqrt(12.0), way))
+                    found.append(MeasuredPoint("SN", 0.5 * (a + b), abs(b - a) / math.sqrt(12.0), way, reach))
     return found
 
 
@@ -82,8 +84,10 @@ def _steps(measured: Measured, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(total))
 
 
-def read_points(given: object, measured: Measured, bounds: tuple[float, float]) -> list[MeasuredPoint]:
-    """Return measured special points: those given, or the jumps in the data.
+def read_points(
+    given: object, measured: Measured, bounds: tuple[float, float], reach: float = 0.0
+) -> list[MeasuredPoint]:
+    """Return measured special points: those given, or the jumps in the data with a reach.
 
     Raises
     ------
@@ -95,7 +99,7 @@ def read_points(given: object, measured: Measured, bounds: tuple[float, float]) 
             raise InputError(
                 "jumps", True, "jumps that the data show", "the column 'direction' says which way each datum was on"
             )
-        return jumps_in(measured) if given else []
+        return jumps_in(measured, reach) if given else []
     points = []
     for one in checks.listed("jumps", given, "True, False or several saltus.fitting.MeasuredPoint"):
         point = checks.instance("jumps", one, MeasuredPoint)
@@ -103,8 +107,29 @@ def read_points(given: object, measured: Measured, bounds: tuple[float, float]) 
         checks.between("value of a measured point", point.value, *bounds)
         checks.positive("sigma of a measured point", point.sigma)
         checks.chosen("direction", point.direction, ("", UP, DOWN))
+        if checks.non_negative("reach of a measured point", point.reach) and not point.direction:
+            raise InputError(
+                "reach of a measured point", point.reach, "0 without a direction", "name the way: up, down"
+            )
         points.append(point)
     return points
+
+
+def beyond(point: MeasuredPoint, place: float) -> tuple[float, float]:
+    """Return by how much a model's special point lies off a measured one, and the derivative: 0 within the reach.
+
+    A jump comes at its fold or before: the fold lies at the jump, or behind it on the way by the reach at most.
+
+    Examples
+    --------
+    >>> jump = MeasuredPoint("SN", 2.0, 0.1, "down", 0.5)
+    >>> [round(beyond(jump, place)[0], 3) for place in (2.1, 1.8, 1.4)]
+    [0.1, 0.0, -0.1]
+    """
+    away = place - point.value
+    low, high = (-point.reach, 0.0) if point.direction == DOWN else (0.0, point.reach)
+    nearest = min(max(away, low), high)
+    return away - nearest, float(nearest in (low, high))
 
 
 def point_near(point: MeasuredPoint, sheets: Sequence[Sheet], branches: Sequence[Branch]) -> SpecialPoint | None:

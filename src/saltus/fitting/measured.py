@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["DIRECTION", "Channel", "Measured", "MeasuredPoint", "read_measured", "read_table"]
+__all__ = ["DIRECTION", "TIME", "Channel", "Measured", "MeasuredPoint", "read_measured", "read_table"]
 
 DIRECTION = "direction"  # column that says which way a datum was measured on
+TIME = "time_s"  # column that says when
 _INDEX = "index"  # attribute of a table: columns that were its index
 _BEGINNINGS = 3  # values of all observables from which a phase makes a turn, to see what it does to a formula
 _ALIKE = 1e-9  # relative difference of angles that is rounding
@@ -43,6 +44,8 @@ class MeasuredPoint(NamedTuple):
         Its standard error.
     direction : str
         The way on which a jump was seen: ``up``, ``down``, or empty.
+    reach : float
+        How far behind the jump its fold may lie, on the way. Noise makes a motion jump before its fold.
 
     Examples
     --------
@@ -54,6 +57,7 @@ class MeasuredPoint(NamedTuple):
     value: float
     sigma: float
     direction: str = ""
+    reach: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -81,13 +85,20 @@ class Channel:
         """Return the observable from values of its formulas, shape (formulas, ...)."""
         return np.asarray(seen[0] * np.exp(1j * seen[1]) if self.is_complex else seen[0])
 
-    def residual(self, seen: NDArray[np.float64], which: NDArray[np.int64] | int) -> NDArray[np.float64]:
+    def residual(
+        self, seen: NDArray[np.float64], which: NDArray[np.int64] | int, gain: float = 1.0
+    ) -> NDArray[np.float64]:
         """Return model less data over sigma of some data, shape (rows, ...); angles by the shorter way round."""
-        away = self.model(seen) - self.values[which]
+        away = gain * self.model(seen) - self.values[which]
         if self.turn:
             away = away - self.turn * np.round(away / self.turn)
         parts = [away.real, away.imag] if self.is_complex else [away]
         return np.asarray(np.array(parts) / self.sigma[which])
+
+    def by_gain(self, seen: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of residuals by a factor on the model, shape (rows, datum)."""
+        found = self.model(seen)
+        return np.asarray(np.array([found.real, found.imag] if self.is_complex else [found]) / self.sigma)
 
     def slopes(self, seen: NDArray[np.float64], slopes: NDArray[np.float64], which: int) -> NDArray[np.float64]:
         """Return the derivatives of a datum's residuals from those of its formulas, shape (rows, parameters)."""
@@ -108,6 +119,7 @@ class Measured:
     points: tuple[MeasuredPoint, ...] = ()  # measured special points
     dropped: int = 0  # rows that were left out, since a number is missing
     unused: tuple[str, ...] = ()  # columns that are not used
+    times: NDArray[np.float64] | None = None  # shape (datum,): the column of times; None where there is none
 
     def __len__(self) -> int:
         return len(self.x)
@@ -133,6 +145,21 @@ class Measured:
         columns = [self.x, *(channel.values for channel in self.channels)]
         rows = set(zip(*(column.tolist() for column in columns), self.direction, strict=True))
         return len(self) - len(rows)
+
+    @property
+    def passed(self) -> NDArray[np.float64]:
+        """Share of the measurement that has passed at each datum: by its time, else by its place in the table."""
+        times = np.arange(len(self), dtype=float) if self.times is None else self.times
+        return np.asarray((times - times.min()) / (float(np.ptp(times)) or 1.0))
+
+    def passed_at(self, point: MeasuredPoint) -> float:
+        """Return which share of the measurement has passed at a measured point, by the data around on its way."""
+        ups = ("up", "retract")
+        known = {"up": ups, "down": ("down", "approach")}.get(point.direction)
+        rows = np.flatnonzero([known is None or way in known for way in self.direction])
+        rows = rows if rows.size else np.arange(len(self))
+        order = rows[np.argsort(self.x[rows], kind="stable")]
+        return float(np.interp(point.value, self.x[order], self.passed[order]))
 
     def with_points(self, points: Sequence[MeasuredPoint]) -> Measured:
         """Return the same data with measured special points."""
@@ -233,15 +260,19 @@ def read_measured(
     ]
     channels = [replace(one, turn=_given_turn(one, turns)) for one in channels]
     ways = table[DIRECTION].to_numpy() if DIRECTION in known else np.full(len(x), "", dtype=object)
-    whole = np.isfinite(x)
+    times = _numbers(TIME, table[TIME].to_numpy(), complex_too=False) if TIME in known else None
+    whole = np.isfinite(x) & (True if times is None else np.isfinite(times))
     for channel in channels:
         whole &= np.isfinite(channel.values)
     if not whole.any():
         raise InputError("data", f"{len(x)} rows", "at least one row without a missing number")
     channels = [replace(one, values=one.values[whole], sigma=one.sigma[whole]) for one in channels]
-    unused = tuple(name for name in known if name not in (along, DIRECTION, *table.attrs.get(_INDEX, ()), *errors))
+    unused = tuple(
+        name for name in known if name not in (along, DIRECTION, TIME, *table.attrs.get(_INDEX, ()), *errors)
+    )
     directions = tuple("" if pd.isna(way) else str(way) for way in ways[whole])
-    return Measured(along, x[whole], tuple(channels), directions, (), int((~whole).sum()), unused)
+    told = None if times is None else times[whole]
+    return Measured(along, x[whole], tuple(channels), directions, (), int((~whole).sum()), unused, told)
 
 
 def _numbers(name: str, values: NDArray[Any], *, complex_too: bool) -> NDArray[Any]:

@@ -9,13 +9,14 @@ Branch, Coleman and Li, SIAM J. Sci. Comput. 21 (1999) 1-23 (reflective trust re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.evaluation import Evaluation
+from saltus.fitting.instrument import Instrument
 from saltus.fitting.priors import NO_PRIORS, Priors
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ class Objective:
     failures: list[str] = field(default_factory=list)  # why parameters were refused
     evaluations: int = 0  # how often the model was compared with the data
     refused: int = 0  # how many of the last parameters were refused, one after the other
+    instrument: Instrument = field(default_factory=Instrument)  # unknowns of the measurement
 
     def at(self, values: NDArray[np.float64]) -> Evaluation:
         """Return the data against the model at values of the parameters.
@@ -114,9 +116,14 @@ class Objective:
         return self.best is not None and not total_loss(found.rough) <= _HOPELESS * self.best[0] + self.measured.count
 
     def _tried(self, values: NDArray[np.float64], *, anew: bool) -> Evaluation:
-        changes = dict(zip(self.names, values.tolist(), strict=True))
+        given = dict(zip(self.names, values.tolist(), strict=True))
+        changes = {name: given[name] for name in self.instrument.of_model(self.names)}
+        own = replace(self.instrument, values={name: given[name] for name in given if name not in changes})
+        known = self.trace.branches
+        if anew or any(known[0].parameters[name] != value for name, value in changes.items()):
+            known = (self.trace.anew if anew else self.trace)(changes)
         beforehand = self.priors.residuals(values), self.priors.jacobian(len(values))
-        found = Evaluation(self.measured, (self.trace.anew if anew else self.trace)(changes), self.names, beforehand)
+        found = Evaluation(self.measured, known, self.names, beforehand, own)
         self.evaluations += 1
         return found
 

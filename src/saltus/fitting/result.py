@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,10 @@ from saltus.contents import checked_texts
 from saltus.continuation import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
 from saltus.errors import InputError
+from saltus.fitting.goodness import misfit_of
+from saltus.fitting.instrument import Instrument
 from saltus.fitting.optimum import FOUND
-from saltus.fitting.search import largest_chi2
+from saltus.fitting.search import WILD
 from saltus.result import Result, frozen
 from saltus.system.plain import held_system
 
@@ -69,6 +71,8 @@ class Fit(Result):
         Why the search ended.
     notes : tuple of str
         What was found about the data, and what they do not tell.
+    instrument : Instrument
+        What the measurement does to the model's curve: offset, gain and drift.
     """
 
     system: HybridSystem
@@ -85,6 +89,7 @@ class Fit(Result):
     stopped: str
     profiles: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    instrument: Instrument = field(default_factory=Instrument)
 
     def __post_init__(self) -> None:
         for name in ("values", "start", "bounds", "covariance"):
@@ -97,7 +102,7 @@ class Fit(Result):
     def parameters(self) -> dict[str, float]:
         """All parameters of the model at the optimum, without the one along which the data were measured."""
         known = {**self.branches[0].parameters, **dict(zip(self.names, self.values.tolist(), strict=True))}
-        return {name: value for name, value in known.items() if name != self.along}
+        return {name: value for name, value in known.items() if name not in (self.along, *self.instrument.names)}
 
     @property
     def errors(self) -> dict[str, float]:
@@ -130,21 +135,62 @@ class Fit(Result):
         return self.chi2 / self.residuals.size
 
     @property
+    def outliers(self) -> tuple[int, ...]:
+        """Rows of data that lie more than 5 standard errors off while all others fit: one, or 5 % of the data."""
+        rows = np.flatnonzero(self._is_off)
+        most = max(1, int(WILD * self.data.sizes["datum"]))
+        return tuple(rows.tolist()) if 0 < rows.size <= most and not misfit_of(self._kept(rows), self._free) else ()
+
+    @property
+    def chi2_without_outliers(self) -> float:
+        """Sum of the squared residuals over their number, without those of `outliers`."""
+        kept = np.concatenate(self._kept(np.array(self.outliers, dtype=int)))
+        return float(kept @ kept) / max(kept.size, 1)
+
+    @property
     def misfit(self) -> str:
-        """In words, that the data do not fit: chi2/n is far above 1, by five of its standard deviations or more."""
-        limit = largest_chi2(self.residuals.size)
-        if not self.chi2_per_datum > limit:
+        """In words, that the data do not fit; empty where they do.
+
+        They do not where chi2 has a probability below 0.001 by known standard errors, or exceeds its mean by five
+        standard deviations. They do not where neighbouring residuals agree more than chance lets them. Data in
+        `outliers` do not count.
+        """
+        rows = np.array(self.outliers, dtype=int)
+        why = misfit_of(self._kept(rows), self._free)
+        if not why:
             return ""
         off = f"{self._off} of {self.data.sizes['datum']} data lie more than {_OFF:g} standard errors off the model"
         return (
-            f"the data do not fit: chi2/n = {self.chi2_per_datum:.3g} is above {limit:.3g}, and {off}; the model or the"
-            " standard errors do not suit them, or the best parameters lie elsewhere"
+            f"the data do not fit: {why}, and {off}; the model or the standard errors do not suit them, or the best"
+            " parameters lie elsewhere"
         )
+
+    @property
+    def _free(self) -> int:
+        """Parameters that were fitted to the data."""
+        return int(np.isfinite(np.diag(self.covariance)).sum())
+
+    def _kept(self, rows: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+        """Return residuals without those of some data, in the order along each way; last those of special points."""
+        table, x = self.data["residual"].to_numpy(), self.data["x"].to_numpy()
+        ways = self.data["direction"].to_numpy()
+        kept = np.ones(len(x), dtype=bool)
+        kept[rows] = False
+        found = []
+        for way in dict.fromkeys(ways.tolist()):
+            own = np.flatnonzero((ways == way) & kept)
+            own = own[np.argsort(x[own], kind="stable")]
+            found += list(table[own].T)
+        return [*found, self.data["special_residual"].to_numpy()]
+
+    @property
+    def _is_off(self) -> NDArray[np.bool_]:
+        return np.asarray((np.abs(self.data["residual"].to_numpy()) > _OFF).any(axis=1))
 
     @property
     def _off(self) -> int:
         """Data that lie off every sheet."""
-        return int((np.abs(self.data["residual"].to_numpy()) > _OFF).any(axis=1).sum())
+        return int(self._is_off.sum())
 
     @property
     def message(self) -> str:
@@ -223,6 +269,7 @@ class Fit(Result):
             "formulas": json.dumps({name: list(one) for name, one in self.formulas.items()}),
             "notes": json.dumps(list(self.notes)),
             "ragged": RAGGED,
+            "instrument": json.dumps(asdict(self.instrument)),
         }
         return xr.Dataset(data | own, coords, attrs)
 
@@ -231,8 +278,9 @@ class Fit(Result):
         system, along = held_system(held), held.text("along")
         checks.chosen("attribute 'along'", along, system.parameter_names)
         names = tuple(map(str, held.array("vary", ("vary",), str).tolist()))
+        instrument = _instrument_of(held)
         for name in names:
-            checks.chosen("vary", name, system.parameter_names)
+            checks.chosen("vary", name, [*system.parameter_names, *instrument.names])
         count = len(names)
         held.expect(vary_other=count, bound_end=2, profile_end=2)
         found = branches_of(held, "sheet_of", [False] * held.size("sheet_of", least=1), along)
@@ -257,6 +305,7 @@ class Fit(Result):
                 if np.isfinite(low) and np.isfinite(high)
             },
             notes=tuple(held.texts("notes")),
+            instrument=instrument,
         )
 
     def __repr__(self) -> str:
@@ -267,6 +316,7 @@ class Fit(Result):
             f" chi2/n = {self.chi2_per_datum:.3f}"
         ]
         lines += [f"  {self.misfit}"] if self.misfit else []
+        lines += [f"  {text}" for text in self._outlying()]
         wide = max(len(name) for name in self.names)
         for i, name in enumerate(self.names):
             error = self.errors[name]
@@ -285,6 +335,22 @@ class Fit(Result):
             return ""
         low, high = self.profiles[name]
         return f", profile {low:.6g} to {high:.6g}"
+
+    def _outlying(self) -> list[str]:
+        """Return in words which data are outliers, and chi2 with and without these."""
+        if not self.outliers:
+            return []
+        channels = [name for name, formulas in self.formulas.items() for _ in formulas]
+        table, told = self.data["residual"].to_numpy(), []
+        for row in self.outliers:
+            worst = int(np.argmax(np.abs(table[row])))
+            way = str(self.data["direction"].to_numpy()[row])
+            told.append(
+                f"outlier: datum {row} at {self.along} = {float(self.data['x'][row]):.9g}{way and f', {way}'}, whose"
+                f" {channels[worst]} is {abs(table[row, worst]):.3g} standard errors off"
+            )
+        number = f"{len(self.outliers)} outlier{'s' if len(self.outliers) > 1 else ''}"
+        return [*told, f"chi2/n = {self.chi2_per_datum:.3g} with {number}, {self.chi2_without_outliers:.3g} without"]
 
     def _sheets(self) -> list[str]:
         """Return in words how the data lie on the sheets."""
@@ -317,6 +383,8 @@ def _data_of(held: Contents) -> xr.Dataset:
         data[name] = (each, held.array(f"fit_{name}", each))
     for name in ("special_value", "special_sigma", "special_residual"):
         data[name] = ("special_datum", held.array(f"fit_{name}", ("special_datum",)))
+    reach = held.array("fit_special_reach", ("special_datum",)) if "fit_special_reach" in held.dataset else None
+    data["special_reach"] = ("special_datum", np.zeros(held.size("special_datum")) if reach is None else reach)
     data["turn"] = ("channel", held.array("fit_turn", ("channel",), least=0.0))
     data["special_type"] = ("special_datum", held.array("fit_special_type", ("special_datum",), str))
     return xr.Dataset(data, {"channel": names})
@@ -331,3 +399,20 @@ def _formulas_of(held: Contents) -> dict[str, tuple[str, ...]]:
     if list(found) != names or sum(map(len, found.values())) != held.size("row"):
         raise InputError("attribute 'formulas'", list(found), f"one for each row of residuals of {', '.join(names)}")
     return found
+
+
+def _instrument_of(held: Contents) -> Instrument:
+    """Return the unknowns of the measurement in a file; none of a file that has none."""
+    if "instrument" not in held.dataset.attrs:
+        return Instrument()
+    table = held.json("instrument", dict)
+    try:
+        offset, gain, drift = (checks.text(name, table[name]) for name in ("offset", "gain", "drift"))
+        drifting, values = (
+            {key: checks.number(f"{name} of {key}", value) for key, value in table[name].items()}
+            for name in ("drifting", "values")
+        )
+        scaled = tuple(checked_texts(table["scaled"], "scaled"))
+        return Instrument(offset, gain, scaled, drift, drifting, values)
+    except (KeyError, AttributeError) as error:
+        raise InputError("attribute 'instrument'", table, "offset, gain, drift, scaled, drifting, values") from error

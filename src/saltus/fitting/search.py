@@ -22,13 +22,14 @@ from saltus.fitting.optimum import INTERRUPTED, Minimum, Objective, minimised
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["largest_chi2", "searched"]
+__all__ = ["WILD", "largest_chi2", "searched"]
 
 _FAR = 5.0  # excess of chi2/n over 1, in its standard deviations, from which the data do not fit
-_WILD = 0.05  # share of residuals, and at least those of one datum, that may be wild where all others fit
+WILD = 0.05  # share of residuals, and at least those of one datum, that may be wild where all others fit
 _LOOKED_AT = 6  # further starts whose loss is computed, for each parameter
 _SEARCHED = 5  # of these the best ones from which a search is made
 _ALIKE = 1e-2  # difference of the losses of two searches that ended at one optimum
+_LEAST = 5  # evaluations that a further search needs, at least
 _AGREEING = 2  # further searches that end at the best optimum, after which no more are made
 _FACTOR = 3.0  # half of the further starts: the search's start times or over this, at most
 _WIDE = 10.0  # greatest over least value, from which values between are chosen by their logarithm
@@ -54,7 +55,7 @@ def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[n
     start, bounds : ndarray
         As `minimised` takes them.
     most : int
-        Evaluations of each search, at most.
+        Evaluations of the first search, and of all further ones together, at most.
 
     Raises
     ------
@@ -64,11 +65,17 @@ def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[n
     best = _from(objective, start, bounds, most)
     if best.is_interrupted or _fits(best):
         return best
-    searches, agreeing = 1, 0
+    searches, agreeing, ended = 1, 0, False
     try:
-        for place in _promising(objective, best.values, start, bounds):
+        places = _promising(objective, best.values, start, bounds)
+        before = objective.evaluations
+        for place in places:
+            left = most - (objective.evaluations - before)
+            if left < _LEAST:
+                ended = True
+                break
             try:
-                found = _from(objective, place, bounds, most)
+                found = _from(objective, place, bounds, left)
             except (ConvergenceError, InputError):
                 continue  # what interpolation promised has no derivatives
             searches += 1
@@ -81,13 +88,16 @@ def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[n
                 break
     except KeyboardInterrupt:
         return replace(best, stopped=INTERRUPTED)
-    return best if _fits(best) else replace(best, stopped=f"no better fit is found from {searches} starts")
+    if _fits(best):
+        return best
+    told = ", and no more evaluations are allowed" if ended else ""
+    return replace(best, stopped=f"no better fit is found from {searches} starts{told}")
 
 
 def _fits(found: Minimum) -> bool:
     """Whether all data fit but a few wild ones, which no other start would mend."""
     residuals, rows = found.evaluation.residuals, found.evaluation.measured.rows
-    kept = np.sort(np.abs(residuals))[: residuals.size - max(rows, int(_WILD * residuals.size))]
+    kept = np.sort(np.abs(residuals))[: residuals.size - max(rows, int(WILD * residuals.size))]
     return float(kept @ kept) <= largest_chi2(residuals.size) * kept.size
 
 

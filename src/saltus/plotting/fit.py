@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_fit"]
 
+_LARGE = 15.0  # residual from which residuals are drawn by their logarithm
+_LINEAR = 5.0  # up to where they are not
+_SHARE = 3.0  # height of that part, in decades
 _MARKERS = ("^", "v", "o")  # markers of data, by the order of their directions
 
 
@@ -29,8 +32,9 @@ def plot_fit(
 ) -> tuple[Axes, Axes]:
     """Draw data with the fitted branches, residuals below, and return the two matplotlib Axes.
 
-    The sheets of the model are solid where stable, dashed where unstable. Of complex data the modulus is drawn. Dotted
-    lines are measured special points. Residuals are in standard errors.
+    The sheets of the model are solid where stable, dashed where unstable, as the fitted origin and gain show them. Of
+    complex data the modulus is drawn. Dotted lines are measured special points, with their reach. Residuals are those
+    of all columns, in standard errors; where some are large, beyond 5 by their logarithm. Rings are outliers.
 
     Parameters
     ----------
@@ -60,7 +64,8 @@ def plot_fit(
         return np.hypot(values, data[f"{which}_im"].to_numpy()) if is_complex else values
 
     _draw_sheets(upper, fit, name)
-    for k, way in enumerate(dict.fromkeys(data["direction"].to_numpy().tolist())):
+    ways = list(dict.fromkeys(data["direction"].to_numpy().tolist()))
+    for k, way in enumerate(ways):
         of = data["direction"].to_numpy() == way
         marker = _MARKERS[min(k, len(_MARKERS) - 1)]
         options: dict[str, Any] = {
@@ -70,16 +75,24 @@ def plot_fit(
             "color": style.colour_of_mode(k),
         }
         upper.plot(data["x"].to_numpy()[of], shown("measured")[of], label=way or "data", **options)
-        for row in _rows_of(fit, name):
-            lower.plot(data["x"].to_numpy()[of], fit.data["residual"].to_numpy()[of, row], **options)
-    for value in fit.data["special_value"].to_numpy():
+        for number, one in enumerate(names):
+            options["color"] = style.colour_of_mode(len(ways) + number) if len(names) > 1 else options["color"]
+            for part, row in enumerate(_rows_of(fit, one)):
+                label = style.label_of(one) if k == 0 and part == 0 and len(names) > 1 else None
+                lower.plot(data["x"].to_numpy()[of], fit.data["residual"].to_numpy()[of, row], label=label, **options)
+    _draw_outliers(upper, lower, fit, shown("measured"))
+    for value, reach in zip(fit.data["special_value"].to_numpy(), _reaches(fit), strict=True):
         upper.axvline(value, color=style.SURFACE, linestyle=":", linewidth=1.0)
+        if reach:
+            upper.axvspan(*sorted((value, value + reach)), color=style.SURFACE, alpha=0.08, linewidth=0.0)
     lower.axhline(0.0, color=style.CURVE, linewidth=0.8)
     upper.set_ylabel(style.label_of(name))
     lower.set_ylabel("residual / sigma")
     lower.set_xlabel(style.label_of(fit.along))
     if legend:
         style.draw_legend(upper)
+        if len(names) > 1:
+            style.draw_legend(lower)
     return upper, lower
 
 
@@ -92,6 +105,8 @@ def _draw_sheets(ax: Axes, fit: Fit, name: str) -> None:
         if turn:
             shift = turn * round((measured - float(np.nanmedian(branch.column(formulas[0])))) / turn)
             pieces = [replace(piece, y=piece.y + shift) for piece in pieces]
+        moved, gain = fit.instrument.moved_by, fit.instrument.factor(name)
+        pieces = [replace(piece, x=piece.x - moved, y=gain * piece.y) for piece in pieces]
         draw_pieces(ax, pieces)
 
 
@@ -103,3 +118,30 @@ def _rows_of(fit: Fit, name: str) -> range:
             return range(start, start + len(formulas))
         start += len(formulas)
     return range(0)
+
+
+def _reaches(fit: Fit) -> NDArray[np.float64]:
+    """Return how far the folds of measured jumps may lie behind them, with the sign of the way."""
+    return fit.data["special_reach"].to_numpy()
+
+
+def _draw_outliers(upper: Axes, lower: Axes, fit: Fit, shown: NDArray[np.float64]) -> None:
+    """Draw rings about data that lie off while all others fit; large residuals by their logarithm."""
+    rows, residual = list(fit.outliers), fit.data["residual"].to_numpy()
+    ring: dict[str, Any] = {"marker": "o", "markersize": 9.0, "linestyle": "none", "markerfacecolor": "none"}
+    if rows:
+        x = fit.data["x"].to_numpy()[rows]
+        upper.plot(x, shown[rows], color=style.CURVE, label="outlier", **ring)
+        lower.plot(
+            x, residual[rows][range(len(rows)), np.argmax(np.abs(residual[rows]), axis=1)], color=style.CURVE, **ring
+        )
+    if float(np.abs(residual).max()) > _LARGE:
+        lower.set_yscale("symlog", linthresh=_LINEAR, linscale=_SHARE)
+        largest = float(np.abs(residual).max())
+        lower.set_ylim(min(-2.0 * _LINEAR, 2.0 * residual.min()), max(2.0 * _LINEAR, 2.0 * residual.max()))
+        beyond = 10.0 ** np.arange(1.0, np.log10(2.0 * largest))
+        low, high = lower.get_ylim()
+        every = (*-beyond[::-1], -_LINEAR, 0.0, _LINEAR, *beyond)
+        ticks = [value for value in every if low <= value <= high]
+        lower.set_yticks(ticks, [f"{value:g}" for value in ticks], minor=False)
+        lower.set_yticks([], minor=True)

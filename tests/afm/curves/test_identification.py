@@ -141,3 +141,149 @@ def test_a_viscosity_comes_back_from_a_tune_whose_way_down_begins_with_a_small_m
     assert data["amplitude_nm"][-1] == pytest.approx(afm.observables(at_rest)["amplitude_nm"], abs=0.2)
     found = afm.fit(data, sample(60.0), {"eta_Pa_s": (1.0, 300.0)}, {"amplitude_nm": 0.05, "lag_deg": 0.5})
     assert abs(found["eta_Pa_s"] - 30.0) < 2.5 * found.errors["eta_Pa_s"] < 5.0
+
+
+# unknowns of the measurement, on curves that no other model has
+
+
+def elastic(E_GPa=3.0, Zc_nm=8.5, H_aJ=0.1):
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=H_aJ, a0_nm=0.3) + afm.DMT(E_GPa=E_GPa)
+    return afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=Zc_nm)
+
+
+ROUGH = {"amplitude_nm": 0.1, "lag_deg": 1.2}
+MODULUS = {"E_GPa": (0.2, 30.0)}
+
+
+@pytest.fixture(scope="module")
+def approach():
+    return afm.distance_curve(elastic(), (5.0, 13.8))
+
+
+def along_way(curve, way, values, early=0.0):
+    """Readings on a way, without noise; jumps come earlier by some distance."""
+    path, sign = curve.path(way).sortby(curve.along), 1.0 if way in ("up", "retract") else -1.0
+    jumps = [jump.value for jump in real_jumps(curve) if jump.direction == way]
+    rows = []
+    for value in values:
+        jumped = any(0.0 <= sign * (jump - value) < early for jump in jumps)
+        place = jumps[0] + sign * 1e-3 if jumped else value
+        swept_nm = np.interp(place, path[curve.along], path.amplitude_nm)
+        stable = [afm.observables(orbit) for orbit in curve.at(value) if orbit.stable]
+        seen = min(stable, key=lambda one: abs(one["amplitude_nm"] - swept_nm))
+        rows.append((value, seen["amplitude_nm"], seen["lag_deg"], way))
+    return rows
+
+
+def as_data(along, rows):
+    names = (along, "amplitude_nm", "lag_deg", "direction")
+    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+
+
+def with_noise(data, sigma, seed):
+    noise = np.random.default_rng(seed)
+    return data | {
+        name: np.array(data[name]) + noise.normal(0.0, size, len(data[name])) for name, size in sigma.items()
+    }
+
+
+@pytest.mark.campaign
+def test_origin_and_gain_come_back_from_exact_data(approach):
+    data = as_data("Zc_nm", along_way(approach, "approach", np.linspace(6.0, 13.0, 10)))
+    data["Zc_nm"] = np.array(data["Zc_nm"]) + 0.3
+    data["amplitude_nm"] = 1.1 * np.array(data["amplitude_nm"])
+    vary = MODULUS | {"Zc_offset_nm": (-0.8, 0.8), "gain": (0.5, 2.0)}
+    found = afm.fit(data, elastic(E_GPa=2.0), vary, ROUGH, jumps=False, options=FitOptions(profile=()))
+    assert found.values == pytest.approx([3.0, -0.3, 1.1], rel=1e-5)
+    assert "Zc_offset_nm" not in found.parameters
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_wrong_origin_is_flagged_and_a_free_one_mends_it(approach, seed):
+    places = np.linspace(5.5, 13.0, 20)
+    rows = along_way(approach, "approach", places) + along_way(approach, "retract", places)
+    data = with_noise(as_data("Zc_nm", rows), ROUGH, seed)
+    data["Zc_nm"] = np.array(data["Zc_nm"]) + 0.3
+    options = FitOptions(profile=())
+    with pytest.warns(RuntimeWarning, match="the data do not fit"):
+        wrong = afm.fit(data, elastic(E_GPa=2.0), MODULUS, ROUGH, options=options)
+    assert wrong["E_GPa"] > 3.0 + 5.0 * wrong.errors["E_GPa"]
+    found = afm.fit(data, elastic(E_GPa=2.0), MODULUS | {"Zc_offset_nm": (-1.0, 1.0)}, ROUGH, options=options)
+    assert not found.misfit
+    for name, true in (("E_GPa", 3.0), ("Zc_offset_nm", -0.3)):
+        assert abs(found[name] - true) < 3.0 * found.errors[name]
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_jump_before_its_fold_does_not_spoil_a_constant(approach, seed):
+    """Taken as the fold, a jump 0.4 nm early pulls Hamaker's constant away by many of its errors."""
+    rows = along_way(approach, "approach", np.linspace(5.5, 13.0, 40), early=0.4)
+    sigma = {"amplitude_nm": 0.05, "lag_deg": 0.5}
+    data, vary = with_noise(as_data("Zc_nm", rows), sigma, seed), {"H_aJ": (0.01, 1.0)}
+    found = afm.fit(data, elastic(H_aJ=0.12), vary, sigma)
+    assert abs(found["H_aJ"] - 0.1) < 3.0 * found.errors["H_aJ"]
+    assert not found.misfit
+    assert any("bounds its fold from one side" in note for note in found.notes)
+
+
+@pytest.mark.campaign
+def test_a_drift_comes_back_along_the_frequency_by_the_scaling_of_elastic_samples():
+    """With all frequencies higher by a factor an elastic sample sees the same motion faster."""
+    curve, drift_Hz = afm.frequency_curve(elastic(), (298.5, 301.5)), 60.0
+    order = [("up", f) for f in np.linspace(298.7, 301.3, 10)] + [("down", f) for f in np.linspace(301.3, 298.7, 10)]
+    rows = []
+    for k, (way, f) in enumerate(order):
+        scale = 1.0 + 1e-3 * drift_Hz / 300.0 * k / (len(order) - 1)
+        ((_, *seen),) = along_way(curve, way, [f / scale])
+        rows.append((f, *seen))
+    vary = MODULUS | {"f0_drift_Hz": (-300.0, 300.0)}
+    found = afm.fit(as_data("f_kHz", rows), elastic(E_GPa=2.5), vary, ROUGH)
+    assert found.values == pytest.approx([3.0, drift_Hz], rel=1e-4)
+
+
+@pytest.mark.campaign
+def test_a_drift_comes_back_along_the_distance_from_motions_that_settled():
+    places, times, drift_Hz = np.linspace(9.0, 7.0, 6), np.array([0.0, 1.0, 2.0, 5.0, 6.0, 10.0]), 60.0
+    seen = [
+        afm.observables(saltus.find_orbit(elastic(Zc_nm=z), {"f0_kHz": 300.0 + 1e-3 * drift_Hz * t / 10.0}, [0.0, 0.0]))
+        for z, t in zip(places, times, strict=True)
+    ]
+    data = {"Zc_nm": places, "time_s": times} | {name: [one[name] for one in seen] for name in ROUGH}
+    vary = MODULUS | {"f0_drift_Hz": (-300.0, 300.0)}
+    found = afm.fit(data, elastic(E_GPa=2.5), vary, ROUGH)
+    assert found.values == pytest.approx([3.0, drift_Hz], rel=1e-4)
+
+
+@pytest.mark.campaign
+def test_a_sweep_down_that_begins_on_the_small_motion_finds_its_sheet():
+    curve, sigma = afm.frequency_curve(elastic(), (298.5, 301.5)), {"amplitude_nm": 0.05, "lag_deg": 0.5}
+    data = with_noise(as_data("f_kHz", along_way(curve, "down", np.linspace(300.9, 299.6, 25))), sigma, 3)
+    assert data["amplitude_nm"][0] < 5.0
+    found = afm.fit(data, elastic(E_GPa=2.0), MODULUS, sigma)
+    assert not found.misfit
+    assert abs(found["E_GPa"] - 3.0) < 3.0 * found.errors["E_GPa"]
+    assert len(np.unique(found.data["sheet"])) == 2
+
+
+@pytest.mark.parametrize(
+    ("vary", "message"),
+    [
+        ({"Zc_nm": (6.0, 12.0)}, "Zc_offset_nm varies its origin"),
+        ({"Zc_offset_nm": (-1e9, 1.0)}, r"Zc_offset_nm = -1000000000.0: must be between"),
+        ({"gain": (0.0, 2.0)}, "gain = 0.0"),
+        ({"drift": (0.0, 2.0)}, "vary = 'drift'"),
+    ],
+)
+def test_unknowns_of_the_measurement_that_cannot_be_used_are_told(vary, message):
+    data = {"Zc_nm": [20.0, 21.0], "amplitude_nm": [12.0, 12.0]}
+    with pytest.raises(InputError, match=message):
+        afm.fit(data, lever(), vary, {"amplitude_nm": 0.1})
+
+
+def test_a_frequency_curve_has_no_origin_of_the_distance():
+    data = {"f_kHz": [299.0, 300.0], "amplitude_nm": [5.0, 12.0]}
+    with pytest.raises(InputError, match="vary = 'Zc_offset_nm'"):
+        afm.fit(data, lever(), {"Zc_offset_nm": (-1.0, 1.0)}, {"amplitude_nm": 0.1})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -13,10 +14,11 @@ from saltus.afm.curves.curves import distance_curve, frequency_curve
 from saltus.afm.curves.sheets import Tracing, sheet_again
 from saltus.afm.models.parts import check_model
 from saltus.afm.models.readings import formulas
-from saltus.afm.probe.units import checked
+from saltus.afm.probe.units import Quantity, checked
 from saltus.continuation.many.retracing import Retraced
 from saltus.errors import InputError
 from saltus.fitting.estimation import FitOptions, fitted, task
+from saltus.fitting.instrument import Instrument
 from saltus.fitting.measured import read_table
 
 if TYPE_CHECKING:
@@ -29,6 +31,15 @@ __all__ = ["fit"]
 
 _ALONG = ("Zc_nm", "f_kHz")  # columns along which curves are measured
 _MARGIN = 0.02  # share of the data's range by which the model's curve goes beyond it on each side
+OFFSET = "Zc_offset_nm"  # what is added to the distances of data
+GAIN = "gain"  # what the detector multiplies amplitudes by
+DRIFT = "f0_drift_Hz"  # change of f0 from the first datum to the last
+_OWN = {
+    OFFSET: Quantity("nm", 1e-5, 1e5, "any"),
+    GAIN: Quantity("", 1e-3, 1e3, "+"),
+    DRIFT: Quantity("Hz", 1e-4, 1e6, "any"),
+}
+_FREQUENCY = re.compile(r"f0_kHz(_\d+)?")  # natural frequencies, which drift in proportion
 _TURN_DEG = 360.0  # angle after which a lag repeats, in degrees
 
 
@@ -56,7 +67,10 @@ def fit(
     model : HybridSystem
         A model of `saltus.afm.model`; the search starts at its values.
     vary : mapping of str to (float, float)
-        Parameters that are sought, with least and greatest values.
+        Parameters that are sought, with least and greatest values. Three unknowns of the measurement may be among
+        them. ``Zc_offset_nm`` is added to the distances of the data. ``gain`` multiplies the model's amplitudes.
+        ``f0_drift_Hz`` is the change of f0 from the first datum to the last: by a column ``time_s``, or else row by
+        row.
     sigma : mapping of str to float or array
         Standard errors of the readings that are fitted, in the units of their names.
     jumps : bool or sequence of MeasuredPoint, optional
@@ -99,9 +113,14 @@ def fit(
     options = FitOptions() if options is None else checks.instance("options", options, FitOptions)
     table = _in_kHz(read_table(data))
     along = _along(table)
-    for name, limits in checks.mapping("vary", vary, "bounds by parameter", known=model.parameter_names).items():
+    instrument = _instrument(along, model, sigma)
+    if along in vary:
+        raise InputError("vary", along, "unknowns: data are along this one", f"{OFFSET} varies its origin")
+    for name, limits in checks.mapping(
+        "vary", vary, "bounds by parameter", known=[*model.parameter_names, *instrument.names]
+    ).items():
         for limit in checks.interval(f"vary[{name!r}]", limits, finite=True):
-            checked(name, limit, insists="choose plausible bounds")
+            checked(name, limit, insists="choose plausible bounds", quantity=_OWN.get(name))
     known = formulas(model)
     for name in sigma:
         if units := [reading for reading in known if reading.startswith(f"{name}_")]:
@@ -109,7 +128,8 @@ def fit(
     observables = {name: known[name] for name in sigma if name in known} | dict(options.observables)
     turns = {name: _TURN_DEG for name in sigma if str(name).startswith("lag_deg")} | dict(options.turns)
     options = replace(options, observables=observables, turns=turns)
-    bounds = _range(table[along].to_numpy(), along)
+    instrument = instrument.among(vary)
+    bounds = _range(table[along].to_numpy(), along, vary.get(OFFSET, (0.0, 0.0)))
 
     steps = options.steps
     make, how = distance_curve if along == "Zc_nm" else frequency_curve, Tracing(along, bounds, steps, False)
@@ -117,11 +137,11 @@ def fit(
     def whole(changes: Mapping[str, float]) -> tuple[Branch, ...]:
         return make(model, bounds, parameters=changes, steps=steps).branches
 
-    start = {name: options.start.get(name, model.parameters[name]) for name in vary}
+    start = {name: options.start.get(name, model.parameters[name]) for name in instrument.of_model(list(vary))}
     if isinstance(jumps, bool) and "direction" not in table:
         jumps = False
     trace = Retraced(whole(start), lambda orbit, known: sheet_again(orbit, known, how), whole)
-    return fitted(task(table, trace, bounds, vary, sigma, jumps, options, priors), progress)
+    return fitted(task(table, trace, bounds, vary, sigma, jumps, options, priors, instrument), progress)
 
 
 def _in_kHz(table: Any) -> Any:
@@ -140,11 +160,23 @@ def _along(table: Any) -> str:
     return found[0]
 
 
-def _range(values: Any, along: str) -> tuple[float, float]:
-    """Return the range of a curve around data."""
+def _instrument(along: str, model: HybridSystem, sigma: Mapping[str, Any]) -> Instrument:
+    """Return the unknowns that a measurement along a parameter may have."""
+    first = model.parameters.get("f0_kHz", 1.0)
+    return Instrument(
+        offset=OFFSET if along == "Zc_nm" else "",
+        gain=GAIN,
+        scaled=tuple(name for name in sigma if str(name).startswith("amplitude_nm")),
+        drift=DRIFT,
+        drifting={name: 1e-3 * model.parameters[name] / first for name in model.parameters if _FREQUENCY.match(name)},
+    )
+
+
+def _range(values: Any, along: str, offsets: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of a curve around data whose origin may move."""
     known = values[np.isfinite(values)]
     if not known.size:
         raise InputError(f"column {along!r}", f"{len(values)} rows", "at least one number")
     low, high = float(known.min()), float(known.max())
     margin = _MARGIN * (high - low) or _MARGIN * abs(high)
-    return low - margin, high + margin
+    return low - margin + float(offsets[0]), high + margin + float(offsets[1])

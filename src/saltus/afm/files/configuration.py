@@ -17,7 +17,7 @@ from saltus.afm.files.sets import entries_of
 from saltus.afm.laws.known import LAWS
 from saltus.afm.laws.law import Law
 from saltus.afm.models.modelling import model
-from saltus.afm.models.readings import CONVENTIONS
+from saltus.afm.models.readings import CONVENTIONS, lag_of
 from saltus.afm.probe.drive import Drive, Drives
 from saltus.afm.probe.probe import Probe
 from saltus.config_files import attribute_of, called, read_toml
@@ -26,6 +26,8 @@ from saltus.errors import InputError, nearest
 from saltus.fitting import FitOptions
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from saltus.afm.curves.curve import Curve
     from saltus.fitting import Fit
     from saltus.progress import Report
@@ -307,14 +309,38 @@ def _fit(
     profile: Sequence[str] | None = None,
     columns: Mapping[str, str] | None = None,
     scale: Mapping[str, float] | None = None,
+    phase_convention: str = "lag90",
+    signs: Mapping[str, float] | None = None,
+    reach: float | None = None,
+    max_evaluations: int = FitOptions.max_evaluations,
 ) -> Fit:
-    table = read_curve(data, columns, scale=scale)
+    table = _told(read_curve(data, columns, scale=scale), phase_convention, signs)
     gap = float(table["Zc_nm"].max()) if "Zc_nm" in table else None
     bounds = {
         name: checks.interval(f"fit.vary.{name}", limits, finite=True)
         for name, limits in _table("fit.vary", vary).items()
     }
-    options = FitOptions(start={} if start is None else _table("fit.start", start), profile=profile)
+    options = FitOptions(
+        start={} if start is None else _table("fit.start", start),
+        profile=profile,
+        reach=reach,
+        max_evaluations=max_evaluations,
+    )
     errors = _table("fit.sigma", sigma)
     system = experiment.model(gap)
     return fit(table, system, bounds, errors, jumps=checks.flag("fit.jumps", jumps), options=options, progress=progress)
+
+
+def _told(table: pd.DataFrame, phase_convention: object, signs: object) -> pd.DataFrame:
+    """Return a measured curve with columns of other signs turned, and phases of a convention as lags."""
+    table = table.copy()
+    for name, sign in ({} if signs is None else _table("fit.signs", signs)).items():
+        checks.chosen("fit.signs", name, [one for one in table.columns if one != "direction"])
+        if sign not in (1, -1):
+            raise InputError(f"fit.signs.{name}", sign, "1 or -1")
+        table[name] *= sign
+    if checks.chosen("phase_convention", phase_convention, CONVENTIONS) != "lag90":
+        for name in table.columns:
+            if name.startswith("lag_deg"):
+                table[name] = lag_of(table[name], str(phase_convention))
+    return table

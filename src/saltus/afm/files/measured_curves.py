@@ -28,6 +28,7 @@ _ALONG = ("Zc_nm", "f_kHz", "f_Hz")  # columns along which curves are measured
 _FORCE = {"deflection_nm": "nm", "force_nN": "nN"}  # columns of force curves, with their units
 _DIRECTION = "direction"  # column of the ways
 _TEXT = 2**28  # bytes of a text file, at most
+_TIME = "time_s"  # column of the times of the data
 _WAYS = ("approach", "retract", "up", "down", "")  # what it holds
 _UNIT = re.compile(r"^\s*(.+?)[_ ]*[\(\[](.*)[\)\]]\s*$")  # a name with its unit in brackets
 _LINE = re.compile(r"(.*?)\s*#(\d+)")  # a name with the number of a curve
@@ -43,7 +44,7 @@ def read_curve(
 
     The columns are one of ``Zc_nm``, ``f_kHz`` and ``f_Hz``; readings, as ``amplitude_nm`` and ``lag_deg``, or
     ``force_nN`` and ``deflection_nm`` of a force curve; and, if it is known, ``direction``: ``approach`` or
-    ``retract``, ``up`` or ``down``.
+    ``retract``, ``up`` or ``down``. ``time_s`` says when a datum was measured.
 
     A CSV file with these names in its header needs no `columns`. Lines that begin with ``#`` are comments.
     `DataFrame.to_csv` with ``index=False`` writes such a file. Other headers have units in brackets.
@@ -222,7 +223,7 @@ def _factor(name: str, column: FileColumn, factors: Mapping[str, float], found: 
 
 def _unit_of(name: str) -> str:
     """Return the unit that the name of a curve's column has."""
-    return "Hz" if name == "f_Hz" else _FORCE.get(name) or readings_of(name).unit
+    return {"f_Hz": "Hz", _TIME: "s", **_FORCE}.get(name) or readings_of(name).unit
 
 
 def _listed(columns: Sequence[FileColumn]) -> str:
@@ -251,7 +252,7 @@ def _number(name: str, row: int, cell: str) -> float:
 
 def _check_names(names: Sequence[str]) -> None:
     """Raise `InputError` where the columns are not those of a curve."""
-    known = [*_ALONG, *READINGS, *_FORCE, _DIRECTION]
+    known = [*_ALONG, *READINGS, *_FORCE, _DIRECTION, _TIME]
     for name in names:
         first = re.sub(r"_[2-9]\d*$", "", name)
         if first in known:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from saltus import checks
 from saltus.afm.models.parts import check_model, driven_mode, parts_of
@@ -19,6 +19,7 @@ __all__ = [
     "Reading",
     "drives_of",
     "formulas",
+    "lag_of",
     "readings_of",
     "regime",
     "shown_between",
@@ -172,6 +173,17 @@ def shown_phase(lag: str, phase_convention: str) -> str:
     '90 - (lag_deg)'
     """
     return CONVENTIONS[phase_convention][0].format(lag=lag)
+
+
+def lag_of(phase: Any, phase_convention: str) -> Any:
+    """Return the lag of a phase that a convention shows, a number or a column; conventions are their own inverses.
+
+    Examples
+    --------
+    >>> lag_of(30.0, "bruker0"), lag_of(30.0, "asylum")
+    (60.0, 30.0)
+    """
+    return 90.0 - phase if phase_convention == "bruker0" else phase
 
 
 def shown_between(phase: float, phase_convention: str) -> float:

@@ -16,7 +16,7 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.solve import converge
 
-__all__ = ["Follow", "Retraced", "Trace", "is_on", "orbits_at"]
+__all__ = ["Follow", "Retraced", "Trace", "is_on", "moved", "orbits_at"]
 
 Trace: TypeAlias = Callable[[Mapping[str, float]], tuple[Branch, ...]]  # branches at parameters that differ
 Follow: TypeAlias = Callable[[PeriodicOrbit, Branch], Branch]  # the branch through an orbit, given that known before
@@ -84,7 +84,7 @@ def _begun(branch: Branch, changes: Mapping[str, float]) -> PeriodicOrbit:
     failed: ConvergenceError | None = None
     for index in _starts(branch):
         try:
-            return _moved(branch.solution(index), changes)
+            return moved(branch.solution(index), changes)
         except ConvergenceError as error:
             failed = error
     raise failed or ConvergenceError("orbit of a branch", math.inf, 0, "the branch has no stable orbit")
@@ -97,7 +97,7 @@ def _starts(branch: Branch) -> Iterator[int]:
         yield from dict.fromkeys((int(stable[0]), int(stable[-1]), int(stable[stable.size // 2])))
 
 
-def _moved(orbit: PeriodicOrbit, changes: Mapping[str, float]) -> PeriodicOrbit:
+def moved(orbit: PeriodicOrbit, changes: Mapping[str, float]) -> PeriodicOrbit:
     """Return the orbit at other parameters, reached in ever shorter steps.
 
     Raises
