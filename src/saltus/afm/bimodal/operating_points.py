@@ -14,9 +14,10 @@ from saltus.afm.bimodal.averages import FINE
 from saltus.afm.bimodal.balance import READINGS, Balance
 from saltus.afm.bimodal.bimodal_map import BimodalMap
 from saltus.afm.bimodal.operation import AM, FM
+from saltus.afm.bimodal.reasons import Reasons
 from saltus.afm.laws.law import Law
 from saltus.afm.probe.probe import Probe
-from saltus.afm.probe.units import checked
+from saltus.afm.probe.units import QUANTITIES, checked
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ _NEWTON = 40  # steps of Newton's method, at most
 _CONVERGED = 1e-11  # last step, relative
 _RESOLVED = 1e-6  # change by finer nodes, relative, up to which a solution is told
 _NOT_RESOLVED = "the means over the motion are not resolved: finer nodes change the values by more than 1e-6"
+_QUANTITIES = {name: QUANTITIES["A0_nm"] for name in ("amplitude_nm", "excitation_nm")}
 _REGIMES = ("repulsive", "attractive")
 
 
@@ -110,7 +112,7 @@ def bimodal(
     for name, values in zip(("mean_gap_nm", "amplitude_nm", "amplitude_nm_2"), chosen, strict=True):
         q[balance.at[name]] = values
     good = np.flatnonzero(counts > 0)
-    reasons = _Reasons(counts.size)
+    reasons = Reasons(counts.size)
     reasons.tell((counts == 0) & (others == 0), "no motion meets the set points")
     other = _REGIMES[1 - _REGIMES.index(regime)]
     reasons.tell((counts == 0) & (others > 0), f"no {regime} motion meets the set points; {other} ones do")
@@ -140,29 +142,27 @@ def checked_modes(probe: Probe, law: Law, modes: Sequence[AM | FM]) -> Balance:
     return Balance(probe, law)
 
 
-def spread(given: Mapping[str, ArrayLike], check: bool) -> tuple[dict[str, NDArray[np.float64]], tuple[int, ...]]:
-    """Return maps as rows of pixels, and the shape that all of them have together."""
+def spread(
+    given: Mapping[str, ArrayLike], check: bool, errors: Mapping[str, ArrayLike] | None = None
+) -> tuple[dict[str, NDArray[np.float64]], tuple[int, ...]]:
+    """Return maps as rows of pixels, those of errors as ``sigma_...``, and the shape that all have together."""
     arrays = {name: checks.array(name, value) for name, value in given.items()}
+    for name, value in (errors or {}).items():
+        arrays[f"sigma_{name}"] = error = checks.array(f"sigma_{name}", value)
+        checks.refuse(f"sigma_{name}", error, error <= 0.0, "positive")
     try:
         shape = np.broadcast_shapes(*(value.shape for value in arrays.values()))
     except ValueError:
         shapes = {name: value.shape for name, value in arrays.items()}
         raise InputError("maps", shapes, "arrays that can be broadcast together") from None
     for name, value in arrays.items():
-        for one in {float(value.min()), float(value.max())} if value.size else ():
-            checked(name, one, plausible=check)
+        if name.startswith(("amplitude_nm", "excitation_nm")):
+            checks.refuse(name, value, value <= 0.0, "positive, in nm")
+        if not value.size:
+            raise InputError(name, value.shape, "one pixel or more")
+        for one in (float(value.min()), float(value.max())):
+            checked(name, one, plausible=check, quantity=_QUANTITIES.get(name.removesuffix("_2")))
     return {name: np.broadcast_to(value, shape).ravel() for name, value in arrays.items()}, shape
-
-
-class _Reasons:
-    """What is told of each pixel: the last reason that was given."""
-
-    def __init__(self, pixels: int) -> None:
-        self.status, self.texts = np.zeros(pixels, dtype=np.int64), [""]
-
-    def tell(self, where: NDArray[np.bool_] | NDArray[np.intp], text: str) -> None:
-        self.status[where] = len(self.texts)
-        self.texts.append(text)
 
 
 def _chosen(way: Approach, sign: float) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
@@ -173,7 +173,7 @@ def _chosen(way: Approach, sign: float) -> tuple[NDArray[np.float64], NDArray[np
         before, after = way.lack[i], way.lack[i + 1]
         with np.errstate(invalid="ignore"):
             meets = (before * after < 0.0) | (after == 0.0)
-            share = np.where(meets, before / (before - after), 0.0)
+            share = np.where(meets, before / np.where(before == after, 1.0, before - after), 0.0)
         virial = (1.0 - share) * way.virial[i] + share * way.virial[i + 1]
         mine = meets & (np.where(virial == 0.0, sign, virial) * sign > 0.0)
         first = mine & (counts[0] == 0)
@@ -233,7 +233,7 @@ def _made(
     balance: Balance,
     q: NDArray[np.float64],
     unknown: Sequence[str],
-    reasons: _Reasons,
+    reasons: Reasons,
     counts: NDArray[np.int64],
     shape: tuple[int, ...],
 ) -> BimodalMap:
