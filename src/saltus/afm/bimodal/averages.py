@@ -8,6 +8,7 @@ where s is the value at the level. The depth is then ``h cos(alpha)**2``, and ro
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ __all__ = ["FINE", "MOMENTS", "ROUGH", "STANDARD", "Motion", "Nodes", "averages"
 Floats = NDArray[np.float64]
 
 MOMENTS = 5  # <F>, <F cos phi1>, <F cos phi2>, <gamma sin(phi1)**2>, <gamma sin(phi2)**2>
-_CHUNK = 400_000  # nodes that are held at once
+_CHUNK = 30_000  # nodes that are held at once
 
 
 class Nodes(NamedTuple):
@@ -190,6 +191,7 @@ def _shares(u1: Floats, u2: Floats) -> list[Floats]:
     ]
 
 
+@lru_cache(maxsize=16)
 def _gauss(count: int) -> tuple[Floats, Floats]:
     """Gauss-Legendre nodes and weights from 0 to pi/2."""
     roots, weights = np.polynomial.legendre.leggauss(count)

@@ -32,13 +32,16 @@ __all__ = ["bimodal_map"]
 
 _CANDIDATES = 3  # depths from which a pixel is solved, at most
 _STEPS = 60  # steps of Levenberg and Marquardt, at most
-_CONVERGED = 1e-8  # last step over its standard error and its size
+_CONVERGED = 1e-7  # last step over its standard error and its size
 _SAME = 1e-3  # relative difference up to which two solutions are one
 _WORSE = 9.0  # chi2 above that of the best, up to which another solution agrees with the readings as well
 _DOUBT = 1e-4  # probability of a larger chi2 below which readings and law disagree
 _MISSED = 1e-2  # share of the drive that equations may lack where no errors are known
 _RESOLVED = 1e-5  # relative change of a value by finer nodes
 _START = 30.0  # factor by which a start may differ from the law's value
+_RIDGE = 1e-10  # added to normal equations whose columns have length 1, for unknowns without influence
+_ROUGH_STEPS = 15  # steps with few nodes, after which starts that have come together are one
+_HOPELESS = 1e4  # chi2 above that of the best with which no start goes on
 _DEGENERATE = 1e-9  # least singular value over the largest
 
 
@@ -167,6 +170,8 @@ class _Inversion:
         amplitudes = q[at["amplitude_nm"]] + q[at["amplitude_nm_2"]]
         size = float(amplitudes.max())
         places = depths(bool(self.balance.layers.levels), size, 4.0 * size)
+        if self.balance.layers.empty[0]:
+            places = places[places > 0.0]
         chi2, states = [], []
         for depth in places:
             own = q.copy()
@@ -198,8 +203,10 @@ class _Inversion:
         sizes[~(sizes > 0.0)] = 1.0
         good = np.isfinite(slopes).all((1, 2)) & np.isfinite(weighed.residual).all(1)
         steps = np.zeros((self.pixels, len(rest)))
-        inverse = np.linalg.pinv(slopes[good] / sizes[good][:, None], rcond=_DEGENERATE)
-        steps[good] = -(inverse @ weighed.residual[good][..., None])[..., 0] / sizes[good]
+        scaled = slopes[good] / sizes[good][:, None]
+        normal = scaled.transpose(0, 2, 1) @ scaled + _RIDGE * np.eye(len(rest))
+        down = scaled.transpose(0, 2, 1) @ weighed.residual[good][..., None]
+        steps[good] = -np.linalg.solve(normal, down)[..., 0] / sizes[good]
         left = np.sum((weighed.residual + (slopes @ steps[..., None])[..., 0]) ** 2, axis=1)
         out = q.copy()
         for i, place in enumerate(rest):
@@ -210,7 +217,7 @@ class _Inversion:
                 out[row] = np.clip(out[row], first / _START**3, first * _START**3)
         return out, np.where(good, left, np.nan)
 
-    def refined(self, q: Floats, of: NDArray[np.intp], nodes: Nodes) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    def refined(self, q: Floats, of: NDArray[np.intp], nodes: Nodes, most: int) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Levenberg's and Marquardt's method from the starts: variables, chi2, whether it has converged."""
         q, total = q.copy(), len(of)
         chi2, done = np.full(total, np.inf), np.zeros(total, dtype=bool)
@@ -218,8 +225,9 @@ class _Inversion:
         trial = q.copy()
         weighed = self.weighing.at(q, of, nodes)
         residual, slopes = weighed.residual.copy(), self.weighing.scaled(q, weighed.slopes)
+        weights = weighed.weights.copy()
         chi2 = np.sum(residual**2, axis=1)
-        for _ in range(_STEPS):
+        for _ in range(most):
             active = active[np.isfinite(chi2[active]) & ~done[active]]
             if not len(active):
                 break
@@ -233,13 +241,15 @@ class _Inversion:
             steps = np.linalg.solve(matrix, down)[..., 0] / sizes
             trial = self.weighing.moved(q[:, active], steps.T)
             seen = self.weighing.at(trial, of[active], nodes)
-            new = np.sum(seen.residual**2, axis=1)
+            # the weights are those before the step: they change with the unknowns, and are no part of what is made least
+            new = np.sum((weights[active] @ seen.plain[..., None])[..., 0] ** 2, axis=1)
             with np.errstate(invalid="ignore"):
                 better = new <= chi2[active] * (1.0 + 1e-9) + 1e-18
                 small = np.abs(steps * sizes).max(1) < _CONVERGED * (1.0 + np.sqrt(chi2[active]))
             taken = active[better]
             q[:, taken] = trial[:, better]
-            residual[taken], chi2[taken] = seen.residual[better], new[better]
+            residual[taken], weights[taken] = seen.residual[better], seen.weights[better]
+            chi2[taken] = np.sum(seen.residual[better] ** 2, axis=1)
             slopes[taken] = self.weighing.scaled(trial[:, better], seen.slopes[better])
             done[active[small & (better | (damping[active] < 1.0))]] = True
             damping[active] = np.where(better, damping[active] * 0.1, np.maximum(damping[active], 1e-6) * 10.0)
@@ -248,7 +258,10 @@ class _Inversion:
     def solved(self, shape: tuple[int, ...]) -> BimodalMap:
         """Return the best solution of each pixel, with its errors."""
         starts, of = self.starts()
-        q, chi2, done = self.refined(starts, of, STANDARD)
+        q, chi2, _ = self.refined(starts, of, ROUGH, _ROUGH_STEPS)
+        kept = self.distinct(q, chi2, of)
+        q, of = q[:, kept], of[kept]
+        q, chi2, done = self.refined(q, of, STANDARD, _STEPS)
         best, count, fair = np.full(self.pixels, -1), np.zeros(self.pixels, dtype=np.int64), self.fair(q, chi2)
         for i in np.lexsort((chi2, of)):
             if not done[i]:
@@ -259,6 +272,18 @@ class _Inversion:
             elif fair[i] and chi2[i] < chi2[best[pixel]] + _WORSE and not self.same(q[:, i], q[:, best[pixel]]):
                 count[pixel] += 1
         return self.told(q, chi2, (best, count, fair), shape)
+
+    def distinct(self, q: Floats, chi2: Floats, of: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Starts with which to go on: no two with one solution, and none that is far worse than the best of its pixel."""
+        kept: list[int] = []
+        best: dict[int, list[int]] = {}
+        for i in np.lexsort((chi2, of)):
+            others = best.setdefault(int(of[i]), [])
+            hopeless = others and not chi2[i] < chi2[others[0]] + _HOPELESS
+            if np.isfinite(chi2[i]) and not hopeless and not any(self.same(q[:, i], q[:, j]) for j in others):
+                others.append(int(i))
+                kept.append(int(i))
+        return np.array(kept, dtype=np.intp)
 
     def fair(self, q: Floats, chi2: Floats) -> NDArray[np.bool_]:
         """Whether readings and law agree."""

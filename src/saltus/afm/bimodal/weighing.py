@@ -16,6 +16,7 @@ __all__ = ["Weighed", "Weighing"]
 Floats = NDArray[np.float64]
 
 _EXACT, _ROUGH = 1e-5, 1e-2  # share of a drive to which its equations are meant, with and without known errors
+_ROUNDING = 1e-12  # added to correlations, so that rounding leaves them positive definite
 
 
 class Weighed(NamedTuple):
@@ -24,6 +25,8 @@ class Weighed(NamedTuple):
     residual: Floats  # (pixel, equation)
     slopes: Floats  # (pixel, equation, unknown)
     readings: Floats  # (pixel, equation, known)
+    plain: Floats  # the residual in nm, (pixel, equation)
+    weights: Floats  # (pixel, equation, equation): what makes a plain residual one in units of its errors
 
 
 class Weighing:
@@ -52,9 +55,12 @@ class Weighing:
         good = np.isfinite(whole).all((1, 2)) & np.isfinite(covariance).all((1, 2))
         out = np.broadcast_to(least, whole.shape).copy()
         scale = np.sqrt(np.einsum("nee->ne", covariance[good]))
-        root = np.linalg.cholesky(covariance[good] / (scale[:, :, None] * scale[:, None, :]))
-        out[good] = np.linalg.solve(root, whole[good] / scale[..., None])
-        return Weighed(out[..., 0], out[..., 1 : 1 + count], out[..., 1 + count :])
+        correlation = covariance[good] / (scale[:, :, None] * scale[:, None, :]) + _ROUNDING * np.eye(5)
+        root = np.linalg.cholesky(correlation)
+        weights = np.full((len(pixels), 5, 5), np.nan)
+        weights[good] = np.linalg.inv(root) / scale[:, None, :]
+        out[good] = weights[good] @ whole[good]
+        return Weighed(out[..., 0], out[..., 1 : 1 + count], out[..., 1 + count :], residual.T, weights)
 
     def moved(self, q: Floats, steps: Floats) -> Floats:
         """Return the variables after steps of the unknowns, shape (unknown, pixel); some step by their logarithm."""
