@@ -55,6 +55,7 @@ _HOMES = {
     "Optimum": "saltus.optimisation.optimum",
     "Curve": "saltus.afm.curves.curve",
     "Bistability": "saltus.afm.curves.bistable_region",
+    "BimodalMap": "saltus.afm.bimodal.bimodal_map",
     "FrequencyShift": "saltus.afm.fm.shift_curve",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }

@@ -1,5 +1,9 @@
 """The public names; `__init__.py` reads where each is, and imports it on first use."""
 
+from .bimodal.bimodal_map import BimodalMap as BimodalMap
+from .bimodal.inversion import bimodal_map as bimodal_map
+from .bimodal.operating_points import bimodal as bimodal
+from .bimodal.operation import AM as AM, FM as FM
 from .curves.bistable_region import Bistability as Bistability
 from .curves.curve import Curve as Curve
 from .curves.curves import distance_curve as distance_curve, frequency_curve as frequency_curve

@@ -39,6 +39,7 @@ _HOMES = {
     "saltus.optimisation.optimum.Optimum": "saltus.plotting.optimum",
     "saltus.afm.curves.curve.Curve": "saltus.afm.pictures.curve_picture",
     "saltus.afm.curves.bistable_region.Bistability": "saltus.afm.pictures.bistable_picture",
+    "saltus.afm.bimodal.bimodal_map.BimodalMap": "saltus.afm.pictures.bimodal_picture",
     "saltus.afm.fm.shift_curve.FrequencyShift": "saltus.afm.pictures.shift_picture",
     "saltus.basins.measures.erosion.ErosionProfile": "saltus.plotting.erosion",
 }

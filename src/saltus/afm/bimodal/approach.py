@@ -1,7 +1,8 @@
 """The way from afar into the sample at given drives: amplitudes at each closest approach, and where a condition is met.
 
-At a given closest approach the amplitude of a driven mode is nearly always unique, while at a given distance it may
-have three values. So the way is followed along the closest approach, and each change of sign is a solution.
+Where both amplitudes are held, the way goes along the closest approach. Where an amplitude is free, the way may turn
+back in distance and in closest approach, and is followed by arclength. Each change of sign of the condition that sets
+the distance is a solution.
 """
 
 from __future__ import annotations
@@ -17,15 +18,20 @@ from saltus.afm.bimodal.averages import ROUGH
 from saltus.afm.bimodal.balance import OF_MODES, Balance
 from saltus.afm.bimodal.operation import AM, FM
 
-__all__ = ["Approach", "approached", "depths", "started"]
+__all__ = ["Approach", "approached", "depths", "from_contact", "started"]
 
 Floats = NDArray[np.float64]
 
 _HEIGHTS, _DEPTHS = 40, 48  # places above and below the surface
 _CLOSE, _SHALLOW = 0.02, 2e-3  # least height and depth, in nm
-_NEWTON = 12  # steps for the amplitudes at one place, at most
-_SETTLED = 1e-7  # last step of an amplitude, relative
-_FAST = 0.3  # largest step of an amplitude, relative
+_MOST = 400  # steps along a way that may fold, at most
+_LONGEST, _SHORTEST = 0.3, 1e-5  # steps of it
+_CORRECTIONS = 4  # Newton's steps at each place
+_TRIES = 25  # Newton's steps from a guess
+# guesses of a motion in contact: depth over the amplitude, amplitudes over the free ones
+_GUESSES = tuple((depth, *shares) for shares in ((0.9, 0.25), (0.8, 0.1), (0.95, 0.6)) for depth in (0.02, 0.06, 0.2))
+_SETTLED = 1e-6  # last correction
+_STRAIGHT = 0.9  # cosine of the angle by which the way may turn in a step
 
 
 class Approach(NamedTuple):
@@ -46,41 +52,151 @@ def depths(contact: bool, far: float, deep: float) -> Floats:
 
 def approached(balance: Balance, modes: Sequence[AM | FM], q: Floats, Zc: Floats | None) -> Approach:
     """Follow the way of all pixels. `q` has readings that are held and the law's parameters."""
-    at, pixels = balance.at, q.shape[1]
-    held = [{name: q[at[name + end]] for name in OF_MODES} for end in ("", "_2")]
-    free = [i for i in (0, 1) if not np.isfinite(held[i]["amplitude_nm"]).all()]
-    amplitudes = [
-        _free_amplitude(balance, i, held[i], isinstance(modes[i], AM)) if i in free else held[i]["amplitude_nm"].copy()
-        for i in (0, 1)
-    ]
-    size = float(max(np.max(one) for one in amplitudes))
-    far = 5.0 * size if Zc is None else max(5.0 * size, 1.2 * float(np.max(np.abs(Zc))))
-    places = depths(bool(balance.layers.levels), far, 4.0 * size)
-    level, rows = balance.level(q), []
-    for depth in places:
-        lost = np.zeros(pixels, dtype=bool)
-        for _ in range(_NEWTON):
-            c = level - depth + amplitudes[0] + amplitudes[1]
-            own = q.copy()
-            own[at["mean_gap_nm"]], own[at["amplitude_nm"]], own[at["amplitude_nm_2"]] = c, *amplitudes
-            means = balance.means(own, ROUGH)
-            equations = [_Mode(balance, i, modes[i], held[i], amplitudes, means) for i in (0, 1)]
-            if not free:
-                break
-            steps = _amplitude_steps(equations, free, amplitudes)
-            lost = ~np.isfinite(steps).all(0)
-            for i, step in zip(free, np.where(lost, 0.0, steps), strict=True):
-                amplitudes[i] = amplitudes[i] + np.clip(step, -_FAST * amplitudes[i], _FAST * amplitudes[i])
-            sizes = np.array([amplitudes[i] for i in free])
-            lost |= (np.abs(steps) > _SETTLED * sizes).any(0)
-            if not lost.any():
-                break
-        setting = next((one for one, mode in zip(equations, modes, strict=True) if mode.sets_distance), None)
-        bend = float(np.sum(1.0 / balance.k))
-        lack = setting.condition() if setting is not None else c - bend * means[0, 0] - Zc
-        virial = amplitudes[0] * means[1, 0] + amplitudes[1] * means[2, 0]
-        rows.append((c, *amplitudes, np.where(lost, math.nan, lack), virial))
+    way = _Way(balance, modes, q, Zc)
+    if not way.free:
+        return _as_approach(way.plain())
+    afar = np.concatenate([np.full((1, q.shape[1]), way.place(-way.far)), np.log(way.amplitudes[way.free])])
+    return _as_approach(way.folded(afar, 0, 1.0))
+
+
+def from_contact(balance: Balance, modes: Sequence[AM | FM], q: Floats, Zc: Floats | None) -> Approach | None:
+    """Follow both ways from a motion that is repelled, where one is found; one from afar may end in the pull-in."""
+    way = _Way(balance, modes, q, Zc)
+    if not way.free or not way.contact:
+        return None
+    start = way.repelled()
+    if not np.isfinite(start).any():
+        return None
+    return _as_approach([*reversed(way.folded(start, 1, 1.0)), *way.folded(start, 1, -1.0)])
+
+
+def _as_approach(rows: Sequence[tuple[Floats, ...]]) -> Approach:
     return Approach(*(np.array([row[i] for row in rows]) for i in range(5)))
+
+
+class _Way:
+    """The way of all pixels from afar."""
+
+    def __init__(self, balance: Balance, modes: Sequence[AM | FM], q: Floats, Zc: Floats | None) -> None:
+        self.balance, self.modes, self.q, self.Zc = balance, modes, q, Zc
+        self.held = [{name: q[balance.at[name + end]] for name in OF_MODES} for end in ("", "_2")]
+        self.free = [i for i in (0, 1) if not np.isfinite(self.held[i]["amplitude_nm"]).all()]
+        self.amplitudes = np.array(
+            [
+                _free_amplitude(balance, i, self.held[i], isinstance(modes[i], AM))
+                if i in self.free
+                else self.held[i]["amplitude_nm"]
+                for i in (0, 1)
+            ]
+        )
+        self.size = float(self.amplitudes.max())
+        self.far = 5.0 * self.size if Zc is None else max(5.0 * self.size, 1.2 * float(np.max(np.abs(Zc))))
+        self.contact, self.level, self.bend = bool(balance.layers.levels), balance.level(q), np.sum(1.0 / balance.k)
+
+    def at(self, depth: Floats, amplitudes: Floats) -> tuple[list[_Mode], tuple[Floats, ...]]:
+        """The equations at a depth of the closest approach, and what is recorded there."""
+        at, own = self.balance.at, self.q.copy()
+        c = self.level - depth + amplitudes[0] + amplitudes[1]
+        own[at["mean_gap_nm"]], own[at["amplitude_nm"]], own[at["amplitude_nm_2"]] = c, *amplitudes
+        means = self.balance.means(own, ROUGH)
+        equations = [_Mode(self.balance, i, self.modes[i], self.held[i], amplitudes, means) for i in (0, 1)]
+        setting = next((one for one in equations if one.mode.sets_distance), None)
+        lack = setting.condition() if setting is not None else c - self.bend * means[0, 0] - self.Zc
+        virial = amplitudes[0] * means[1, 0] + amplitudes[1] * means[2, 0]
+        return equations, (c, *amplitudes, lack, virial)
+
+    def plain(self) -> list[tuple[Floats, ...]]:
+        """The way where both amplitudes are held."""
+        places = depths(self.contact, self.far, 4.0 * self.size)
+        return [self.at(np.full(self.q.shape[1], depth), self.amplitudes)[1] for depth in places]
+
+    def repelled(self) -> Floats:
+        """A place in contact where the tip is repelled, NaN where none is found."""
+        found = np.full((1 + len(self.free), self.q.shape[1]), math.nan)
+        for depth, *shares in _GUESSES:
+            w = np.concatenate(
+                [
+                    np.full((1, found.shape[1]), self.place(depth * self.size)),
+                    np.log(self.amplitudes[self.free] * np.array([shares[i] for i in self.free])[:, None]),
+                ]
+            )
+            still = np.zeros_like(w)  # the first free amplitude is kept, and the depth is found that belongs to it
+            still[1] = 1.0
+            steps = np.full_like(w, math.nan)
+            for _ in range(_TRIES):
+                lack, slopes = self.equations(w)
+                steps = _bordered(slopes, still, -lack, np.zeros(found.shape[1]))
+                w = w + np.where(np.isfinite(steps), np.clip(steps, -0.5, 0.5), 0.0)
+            with np.errstate(invalid="ignore"):
+                settled = np.abs(steps).max(0) < _SETTLED
+            good = settled & (self.at(self.depth(w[0]), self.whole(w))[1][4] < 0.0) & ~np.isfinite(found[0])
+            found[:, good] = w[:, good]
+        return found
+
+    def folded(self, start: Floats, along: int, direction: float) -> list[tuple[Floats, ...]]:
+        """The way where amplitudes are free, by arclength: it begins along one unknown, and may turn back in depth."""
+        pixels, count, w = self.q.shape[1], len(self.free), start
+        border, h = np.zeros((count + 1, pixels)), np.full(pixels, _LONGEST)
+        border[along] = direction
+        tangent = _bordered(self.equations(w)[1], border, np.zeros((count, pixels)), np.ones(pixels))
+        tangent /= np.linalg.norm(tangent, axis=0)
+        rows, active = [self.at(self.depth(w[0]), self.whole(w))[1]], np.isfinite(w).all(0)
+        for _ in range(_MOST):
+            ahead = trial = w + h * tangent
+            good = active.copy()
+            for _ in range(_CORRECTIONS):
+                lack, slopes = self.equations(trial)
+                steps = _bordered(slopes, tangent, -lack, np.sum(tangent * (ahead - trial), axis=0))
+                good &= np.isfinite(steps).all(0)
+                trial = trial + np.where(good, np.clip(steps, -1.0, 1.0), 0.0)
+            good &= np.abs(steps).max(0) < _SETTLED
+            turned = _bordered(self.equations(trial)[1], tangent, np.zeros((count, pixels)), np.ones(pixels))
+            turned /= np.linalg.norm(turned, axis=0)
+            with np.errstate(invalid="ignore"):
+                good &= (np.sum(turned * tangent, axis=0) > _STRAIGHT) & (np.abs(trial - w).max(0) < 2.0 * h)
+            w, tangent = np.where(good, trial, w), np.where(good, turned, tangent)
+            h = np.where(good, np.minimum(1.4 * h, _LONGEST), 0.5 * h)
+            rows.append(self.at(self.depth(w[0]), self.whole(w))[1])
+            deep = w[0] > self.place(4.0 * self.size if self.contact else -_CLOSE)
+            active &= ~deep & (w[0] >= self.place(-1.001 * self.far)) & (h > _SHORTEST)
+            if not active.any():
+                break
+        return rows
+
+    def equations(self, w: Floats) -> tuple[Floats, Floats]:
+        """What the drives lack, relative, and derivatives along the unknowns of the way."""
+        amplitudes, depth = self.whole(w), self.depth(w[0])
+        told = [self.at(depth, amplitudes)[0][i].amplitude() for i in self.free]
+        A0 = np.array([self.held[i]["excitation_nm"] for i in self.free])
+        stretch = np.sqrt(depth**2 + _CLOSE**2) if self.contact else -depth
+        slopes = np.array([[one[2] * stretch, *(one[j] * amplitudes[j] for j in self.free)] for _, one in told])
+        return np.array([lack for lack, _ in told]) / A0, slopes / A0[:, None]
+
+    def whole(self, w: Floats) -> Floats:
+        """Both amplitudes."""
+        amplitudes = self.amplitudes.copy()
+        amplitudes[self.free] = np.exp(np.clip(w[1:], -50.0, 50.0))
+        return amplitudes
+
+    def place(self, depth: float) -> float:
+        """The stretched coordinate of a depth."""
+        return math.asinh(depth / _CLOSE) if self.contact else -math.log(-depth)
+
+    def depth(self, place: Floats) -> Floats:
+        """The depth of a stretched coordinate."""
+        bounded = np.clip(place, -50.0, 50.0)
+        return np.asarray(_CLOSE * np.sinh(bounded) if self.contact else -np.exp(-bounded))
+
+
+def _bordered(slopes: Floats, tangent: Floats, right: Floats, along: Floats) -> Floats:
+    """Solve for steps with given changes of the equations and along the tangent, shape (unknown, pixel)."""
+    matrix = np.concatenate([slopes, tangent[None]]).transpose(2, 0, 1)
+    values = np.concatenate([right, along[None]])
+    good = np.isfinite(matrix).all((1, 2)) & np.isfinite(values).all(0)
+    good[good] &= np.abs(np.linalg.det(matrix[good])) > 0.0
+    steps = np.full(values.shape, math.nan)
+    steps[:, good] = np.linalg.solve(matrix[good], values[:, good].T[..., None])[..., 0].T
+    return steps
 
 
 def _free_amplitude(balance: Balance, i: int, held: dict[str, Floats], driven: bool) -> Floats:
@@ -92,7 +208,7 @@ def _free_amplitude(balance: Balance, i: int, held: dict[str, Floats], driven: b
 
 
 class _Mode:
-    """The equations of one mode at given amplitudes and closest approach, and derivatives along both amplitudes."""
+    """The equations of one mode at given amplitudes and closest approach, and derivatives along both and the depth."""
 
     def __init__(
         self,
@@ -105,11 +221,14 @@ class _Mode:
     ) -> None:
         self.mode, self.held, self.f0 = mode, held, balance.f0[i]
         A, k, Q = amplitudes[i], balance.k[i], balance.Q[i]
-        own = np.array([float(i == j) for j in (0, 1)])[:, None]
+        own = np.array([float(i == j) for j in (0, 1, 2)])[:, None]
         factor, omega0 = 2.0 * Q / k, 2e-3 * math.pi * balance.f0[i]
         elastic, damping = means[1 + i, 0], means[3 + i, 0]
         # at one closest approach the mean gap moves with the amplitudes
-        elastic_A, damping_A = (means[row, 2:4] + means[row, 1] for row in (1 + i, 3 + i))
+        elastic_A, damping_A = (
+            np.array([means[row, 2] + means[row, 1], means[row, 3] + means[row, 1], -means[row, 1]])
+            for row in (1 + i, 3 + i)
+        )
         if np.isfinite(held["shift_Hz"]).all():
             r, r_A = 1.0 + 1e-3 * held["shift_Hz"] / self.f0, np.zeros_like(elastic_A)
         else:
@@ -144,18 +263,6 @@ class _Mode:
             "excitation_nm": np.hypot(self.x, self.y),
         }
         return {name: value for name, value in found.items() if not np.isfinite(self.held[name]).all()}
-
-
-def _amplitude_steps(equations: Sequence[_Mode], free: Sequence[int], amplitudes: Sequence[Floats]) -> Floats:
-    """Newton's steps of the amplitudes that are not held, shape (free, pixel)."""
-    told = [equations[i].amplitude() for i in free]
-    lack = np.array([one for one, _ in told])
-    matrix = np.array([[slopes[j] for j in free] for _, slopes in told]).transpose(2, 0, 1)
-    steps = np.full(lack.shape, math.nan)
-    good = np.isfinite(matrix).all((1, 2)) & np.isfinite(lack).all(0)
-    good[good] &= np.abs(np.linalg.det(matrix[good])) > 0.0
-    steps[:, good] = -np.linalg.solve(matrix[good], lack[:, good].T[..., None])[..., 0].T
-    return steps
 
 
 def started(balance: Balance, modes: Sequence[AM | FM], q: Floats) -> Floats:

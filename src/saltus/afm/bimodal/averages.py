@@ -157,9 +157,7 @@ class _Sums:
             right = columns.reshape(len(columns), n, -1).transpose(1, 2, 0)
             self.out[some, places] += left @ right
 
-    def edge(
-        self, i: int, some: NDArray[np.intp], level: Floats, along: Floats, crossing: tuple[Floats, ...]
-    ) -> None:
+    def edge(self, i: int, some: NDArray[np.intp], level: Floats, along: Floats, crossing: tuple[Floats, ...]) -> None:
         """Add what a jump of the force at a level contributes to the derivatives, as the level moves."""
         s2, u2, rate2, passes = crossing
         n, p = len(some), {name: value[some] for name, value in self.p.items()}

@@ -217,7 +217,9 @@ class _Inversion:
                 out[row] = np.clip(out[row], first / _START**3, first * _START**3)
         return out, np.where(good, left, np.nan)
 
-    def refined(self, q: Floats, of: NDArray[np.intp], nodes: Nodes, most: int) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    def refined(
+        self, q: Floats, of: NDArray[np.intp], nodes: Nodes, most: int
+    ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Levenberg's and Marquardt's method from the starts: variables, chi2, whether it has converged."""
         q, total = q.copy(), len(of)
         chi2, done = np.full(total, np.inf), np.zeros(total, dtype=bool)
@@ -317,7 +319,9 @@ class _Inversion:
         exact = np.ones(len(good), dtype=bool) if self.freedom else fair[best[good]]
         fine = self.unmoved(own, good, weighed.slopes)
         reasons.tell(best < 0, "no values are found that meet the equations best")
-        reasons.tell(good[~fine], "the means over the motion are not resolved: finer nodes change the values by more than 1e-5")
+        reasons.tell(
+            good[~fine], "the means over the motion are not resolved: finer nodes change the values by more than 1e-5"
+        )
         reasons.tell(good[~clear], "the readings do not determine all unknowns, as where the tip does not touch")
         reasons.tell(good[~exact], "no values of the unknowns meet the equations")
         kept = fine & clear & exact
@@ -325,11 +329,15 @@ class _Inversion:
         for name in self.sought:
             quantity = quantity_of(name)
             if quantity is not None and quantity.sign == "0+":
-                reasons.tell(good[own[balance.at[name]] < 0.0], f"{name} is negative: errors of the readings, or another law")
+                reasons.tell(
+                    good[own[balance.at[name]] < 0.0], f"{name} is negative: errors of the readings, or another law"
+                )
         doubtful = ~fair[best[good]]
         what = f"chi2 has a probability below {_DOUBT:g}" if self.sigma else "equations lack more than 1 % of the drive"
         reasons.tell(good[doubtful], f"readings and law disagree: {what}")
-        reasons.tell(good[count[good] > 1], "several solutions agree with the readings; that with the least chi2 is told")
+        reasons.tell(
+            good[count[good] > 1], "several solutions agree with the readings; that with the least chi2 is told"
+        )
         whole = np.full_like(self.q, math.nan)
         whole[:, good] = own
         known = [i for i, name in enumerate(balance.names) if name not in self.unknown]

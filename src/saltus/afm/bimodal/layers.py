@@ -105,4 +105,3 @@ def _written(names: tuple[str, ...], forces: Any, crossings: Any, levels: tuple[
         level = parse(text, names, "level of a crossing")
         places.append(sympy.lambdify(p, [level, *(sympy.diff(level, symbol) for symbol in p)], "numpy"))
     return Layers(names, tuple(places), tuple(evaluate), tuple(empty))
-

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.afm.bimodal.approach import Approach, approached, started
+from saltus.afm.bimodal.approach import Approach, approached, from_contact, started
 from saltus.afm.bimodal.averages import FINE
 from saltus.afm.bimodal.balance import READINGS, Balance
 from saltus.afm.bimodal.bimodal_map import BimodalMap
@@ -108,7 +108,14 @@ def bimodal(
     q = balance.values({**{name: np.full(1, value) for name, value in held.items()}, **maps}, math.prod(shape))
     unknown = ["mean_gap_nm", *(name for name in ("Zc_nm", *READINGS) if name not in {**held, **maps})]
     way = approached(balance, modes, q, maps.get("Zc_nm"))
-    chosen, counts, others = _chosen(way, 1.0 if regime == "attractive" else -1.0)
+    sign = 1.0 if regime == "attractive" else -1.0
+    chosen, counts, others = _chosen(way, sign)
+    rest = np.flatnonzero(counts == 0)
+    own = maps["Zc_nm"][rest] if "Zc_nm" in maps else None
+    beyond = from_contact(balance, modes, q[:, rest], own) if len(rest) else None
+    if beyond is not None:
+        chosen[:, rest], counts[rest], further = _chosen(beyond, sign)
+        others[rest] += further
     for name, values in zip(("mean_gap_nm", "amplitude_nm", "amplitude_nm_2"), chosen, strict=True):
         q[balance.at[name]] = values
     good = np.flatnonzero(counts > 0)
@@ -172,7 +179,7 @@ def _chosen(way: Approach, sign: float) -> tuple[NDArray[np.float64], NDArray[np
     for i in range(len(way.c) - 1):
         before, after = way.lack[i], way.lack[i + 1]
         with np.errstate(invalid="ignore"):
-            meets = (before * after < 0.0) | (after == 0.0)
+            meets = (before * after < 0.0) | ((after == 0.0) & (before != 0.0))
             share = np.where(meets, before / np.where(before == after, 1.0, before - after), 0.0)
         virial = (1.0 - share) * way.virial[i] + share * way.virial[i + 1]
         mine = meets & (np.where(virial == 0.0, sign, virial) * sign > 0.0)
@@ -185,7 +192,9 @@ def _chosen(way: Approach, sign: float) -> tuple[NDArray[np.float64], NDArray[np
     return chosen, counts[0], others
 
 
-def _newton(balance: Balance, q: NDArray[np.float64], unknown: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _newton(
+    balance: Balance, q: NDArray[np.float64], unknown: Sequence[str]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Solve the five equations; return the variables and where Newton's method has converged."""
     rows, q = [balance.at[name] for name in unknown], q.copy()
     active, done = np.arange(q.shape[1]), np.zeros(q.shape[1], dtype=bool)
@@ -249,9 +258,7 @@ def _made(
     _, jacobian = balance.residuals(q[:, good], means[..., good])
     own, other = (jacobian[:, [balance.at[name] for name in some]].transpose(2, 0, 1) for some in (unknown, known))
     slopes[..., good] = -np.linalg.solve(own, other).transpose(1, 2, 0)
-    pairs = {
-        (of, along): slopes[i, j].reshape(shape) for i, of in enumerate(unknown) for j, along in enumerate(known)
-    }
+    pairs = {(of, along): slopes[i, j].reshape(shape) for i, of in enumerate(unknown) for j, along in enumerate(known)}
     chi2 = np.where(good, 0.0, math.nan).reshape(shape)
     return BimodalMap(
         columns | further,

@@ -32,7 +32,9 @@ class Weighed(NamedTuple):
 class Weighing:
     """The equations of pixels as functions of the unknowns."""
 
-    def __init__(self, balance: Balance, unknown: Sequence[str], sigma: dict[str, Floats], logarithmic: set[str]) -> None:
+    def __init__(
+        self, balance: Balance, unknown: Sequence[str], sigma: dict[str, Floats], logarithmic: set[str]
+    ) -> None:
         self.balance, self.unknown, self.sigma = balance, list(unknown), sigma
         self.known = [name for name in balance.names if name not in unknown]
         self.logarithmic = [i for i, name in enumerate(unknown) if name in logarithmic]
