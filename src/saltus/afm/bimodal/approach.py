@@ -99,7 +99,7 @@ class _Way:
         c = self.level - depth + amplitudes[0] + amplitudes[1]
         own[at["mean_gap_nm"]], own[at["amplitude_nm"]], own[at["amplitude_nm_2"]] = c, *amplitudes
         means = self.balance.means(own, ROUGH)
-        equations = [_Mode(self.balance, i, self.modes[i], self.held[i], amplitudes, means) for i in (0, 1)]
+        equations = [_Mode(self.balance, i, self.modes[i], self.held[i], list(amplitudes), means) for i in (0, 1)]
         setting = next((one for one in equations if one.mode.sets_distance), None)
         lack = setting.condition() if setting is not None else c - self.bend * means[0, 0] - self.Zc
         virial = amplitudes[0] * means[1, 0] + amplitudes[1] * means[2, 0]

@@ -9,7 +9,7 @@ where s is the value at the level. The depth is then ``h cos(alpha)**2``, and ro
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,7 +157,7 @@ class _Sums:
             right = columns.reshape(len(columns), n, -1).transpose(1, 2, 0)
             self.out[some, places] += left @ right
 
-    def edge(self, i: int, some: NDArray[np.intp], level: Floats, along: Floats, crossing: tuple[Floats, ...]) -> None:
+    def edge(self, i: int, some: NDArray[np.intp], level: Floats, along: Floats, crossing: tuple[Any, ...]) -> None:
         """Add what a jump of the force at a level contributes to the derivatives, as the level moves."""
         s2, u2, rate2, passes = crossing
         n, p = len(some), {name: value[some] for name, value in self.p.items()}

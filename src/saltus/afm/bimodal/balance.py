@@ -103,7 +103,7 @@ class Balance:
     def steps(self, residual: Floats, slopes: Floats, unknown: Sequence[str]) -> Floats:
         """Newton's steps of as many unknowns as equations, shape (unknown, pixel); NaN where singular."""
         matrix = slopes[:, [self.at[name] for name in unknown]].transpose(2, 0, 1)
-        good = np.isfinite(matrix).all((1, 2)) & np.isfinite(residual).all(0)
+        good = np.asarray(np.isfinite(matrix).all((1, 2)) & np.isfinite(residual).all(0))
         good[good] &= np.abs(np.linalg.det(matrix[good])) > 0.0
         steps = np.full((len(unknown), residual.shape[1]), math.nan)
         steps[:, good] = -np.linalg.solve(matrix[good], residual[:, good].T[..., None])[..., 0].T

@@ -162,7 +162,7 @@ class BimodalMap(Result):
             raise InputError("attribute 'of'", len(pairs), f"as many names as there are derivatives: {len(slopes)}")
         status, solutions = (held.array(name, axes, int) for name in ("status", "solutions"))
         reasons, found = tuple(held.texts("reasons")), tuple(held.texts("found"))
-        if status.size and not (0 <= status.min() and status.max() < len(reasons)):
+        if status.size and not (status.min() >= 0 and status.max() < len(reasons)):
             raise InputError("status", int(status.max()), f"a number below {len(reasons)}, one of the reasons")
         if unknown := set(found) - set(columns):
             raise InputError("attribute 'found'", sorted(unknown), "names of columns")

@@ -64,7 +64,7 @@ def bimodal_map(
     Parameters
     ----------
     readings : mapping of str to array_like
-        Maps, which are broadcast together: ``amplitude_nm``, ``lag_deg``, ``shift_Hz``, ``excitation_nm``, those of
+        Maps, which are broadcast together, NaN where a reading is missing: ``amplitude_nm``, ``lag_deg``, ``shift_Hz``, ``excitation_nm``, those of
         the second mode with ``_2``, and ``Zc_nm`` where it is known. A reading takes the place of the set value that
         `modes` has.
     probe : Probe
@@ -106,8 +106,9 @@ def bimodal_map(
     >>> from saltus import afm
     >>> probe = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=(70.0, 440.0), Q=(150.0, 450.0), R_nm=10.0)
     >>> law, modes = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0), (afm.AM(A0_nm=30.0), afm.FM(A_nm=0.5))
-    >>> seen = {"amplitude_nm": 25.0, "lag_deg": 57.0, "shift_Hz_2": 900.0, "excitation_nm_2": 0.54}
-    >>> found = bimodal_map(seen, probe, law, modes, sigma={"lag_deg": 0.1, "shift_Hz_2": 2.0, "excitation_nm_2": 0.005})
+    >>> seen = {"amplitude_nm": 25.0, "lag_deg": 57.0, "shift_Hz_2": 900.0, "excitation_nm_2": 0.515}
+    >>> errors = {"lag_deg": 0.1, "shift_Hz_2": 2.0, "excitation_nm_2": 0.005}
+    >>> found = bimodal_map(seen, probe, law, modes, sigma=errors)
     >>> print(f"{found['E_GPa']:.3f} +- {found.sigma['E_GPa']:.3f} GPa, chi2 {found.chi2:.2f}")
     """
     balance, modes = checked_modes(probe, law, modes), tuple(modes)
@@ -142,7 +143,7 @@ def bimodal_map(
 def _guess(balance: Balance, name: str, q: Floats) -> Floats:
     """Start of a reading that is missing."""
     if name.startswith("excitation_nm"):
-        return q[balance.at[name.replace("excitation", "amplitude")]]
+        return np.asarray(q[balance.at[name.replace("excitation", "amplitude")]])
     return np.full(q.shape[1], 90.0 if name.startswith("lag_deg") else 0.0)
 
 
@@ -168,7 +169,7 @@ class _Inversion:
         """Variables at depths where the equations are met best in their surroundings, and which pixel each is of."""
         q, at = self.q, self.balance.at
         amplitudes = q[at["amplitude_nm"]] + q[at["amplitude_nm_2"]]
-        size = float(amplitudes.max())
+        size = float(np.nanmax(amplitudes))
         places = depths(bool(self.balance.layers.levels), size, 4.0 * size)
         if self.balance.layers.empty[0]:
             places = places[places > 0.0]
@@ -243,7 +244,7 @@ class _Inversion:
             steps = np.linalg.solve(matrix, down)[..., 0] / sizes
             trial = self.weighing.moved(q[:, active], steps.T)
             seen = self.weighing.at(trial, of[active], nodes)
-            # the weights are those before the step: they change with the unknowns, and are no part of what is made least
+            # the weights are those before the step: they are no part of what is made least
             new = np.sum((weights[active] @ seen.plain[..., None])[..., 0] ** 2, axis=1)
             with np.errstate(invalid="ignore"):
                 better = new <= chi2[active] * (1.0 + 1e-9) + 1e-18
@@ -276,7 +277,7 @@ class _Inversion:
         return self.told(q, chi2, (best, count, fair), shape)
 
     def distinct(self, q: Floats, chi2: Floats, of: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Starts with which to go on: no two with one solution, and none that is far worse than the best of its pixel."""
+        """Starts with which to go on: no two with one solution, none far worse than the best of its pixel."""
         kept: list[int] = []
         best: dict[int, list[int]] = {}
         for i in np.lexsort((chi2, of)):
@@ -289,11 +290,10 @@ class _Inversion:
 
     def fair(self, q: Floats, chi2: Floats) -> NDArray[np.bool_]:
         """Whether readings and law agree."""
-        if self.sigma:
-            limit = stats.chi2.isf(_DOUBT, self.freedom) if self.freedom else 1e-6
-        else:
-            limit = 1.0
-        return np.asarray(chi2 <= limit)
+        exact = (
+            1e-6 if self.freedom == 0 else 1.0
+        )  # chi2 of equations that are all met, and of a lack of 1 % of a drive
+        return np.asarray(chi2 <= (stats.chi2.isf(_DOUBT, self.freedom) if self.sigma and self.freedom else exact))
 
     def same(self, a: Floats, b: Floats) -> bool:
         """Whether two solutions have the same values."""
@@ -319,6 +319,8 @@ class _Inversion:
         exact = np.ones(len(good), dtype=bool) if self.freedom else fair[best[good]]
         fine = self.unmoved(own, good, weighed.slopes)
         reasons.tell(best < 0, "no values are found that meet the equations best")
+        known = [balance.at[name] for name in balance.names if name not in self.unknown]
+        reasons.tell(~np.isfinite(self.q[known]).all(0), "a reading is missing")
         reasons.tell(
             good[~fine], "the means over the motion are not resolved: finer nodes change the values by more than 1e-5"
         )
@@ -340,7 +342,6 @@ class _Inversion:
         )
         whole = np.full_like(self.q, math.nan)
         whole[:, good] = own
-        known = [i for i, name in enumerate(balance.names) if name not in self.unknown]
         whole[known] = self.q[known]
         normal = np.linalg.inv(weighed.slopes.transpose(0, 2, 1) @ weighed.slopes)
         gains = -(normal @ weighed.slopes.transpose(0, 2, 1) @ weighed.readings)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,7 @@ def _levels(made: Product) -> tuple[str, ...]:
     """Texts of the levels from the farthest; raise `InputError` where contact does not end where it begins."""
     order = list(made.regions)
     levels = []
-    for outer, inner in zip(order, order[1:], strict=False):
+    for outer, inner in pairwise(order):
         ends = {(one.source, one.target, one.direction): one.level for one in made.crossings}
         down, up = ends.get((outer, inner, -1)), ends.get((inner, outer, 1))
         if down is None or down != up:
@@ -92,7 +93,7 @@ def _written(names: tuple[str, ...], forces: Any, crossings: Any, levels: tuple[
         if damping.has(V):
             raise InputError("law", text, _ALLOWED, _HINT)
         totals.append((force.subs(V, 0), damping))
-    changes = [totals[0], *((b[0] - a[0], b[1] - a[1]) for a, b in zip(totals, totals[1:], strict=False))]
+    changes = [totals[0], *((b[0] - a[0], b[1] - a[1]) for a, b in pairwise(totals))]
     if len(changes) > 1:
         changes[1] = totals[1]  # layer 0 ends at the first level
     evaluate, empty = [], []

@@ -29,7 +29,7 @@ _NEWTON = 40  # steps of Newton's method, at most
 _CONVERGED = 1e-11  # last step, relative
 _RESOLVED = 1e-6  # change by finer nodes, relative, up to which a solution is told
 _NOT_RESOLVED = "the means over the motion are not resolved: finer nodes change the values by more than 1e-6"
-_QUANTITIES = {name: QUANTITIES["A0_nm"] for name in ("amplitude_nm", "excitation_nm")}
+_QUANTITIES = dict.fromkeys(("amplitude_nm", "excitation_nm"), QUANTITIES["A0_nm"])
 _REGIMES = ("repulsive", "attractive")
 
 
@@ -91,7 +91,7 @@ def bimodal(
     >>> law = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0)
     >>> seen = bimodal(probe, law, (afm.AM(A0_nm=30.0, setpoint_nm=25.0), afm.FM(A_nm=0.5)))
     >>> print(f"{seen['lag_deg']:.2f} degrees, {seen['shift_Hz_2']:.1f} Hz, {seen['indentation_nm']:.3f} nm")
-    60.81 degrees, 1247.3 Hz, 1.535 nm
+    56.57 degrees, 748.8 Hz, 1.108 nm
     """
     balance, modes = checked_modes(probe, law, modes), tuple(modes)
     checks.chosen("regime", regime, _REGIMES)
@@ -152,8 +152,11 @@ def checked_modes(probe: Probe, law: Law, modes: Sequence[AM | FM]) -> Balance:
 def spread(
     given: Mapping[str, ArrayLike], check: bool, errors: Mapping[str, ArrayLike] | None = None
 ) -> tuple[dict[str, NDArray[np.float64]], tuple[int, ...]]:
-    """Return maps as rows of pixels, those of errors as ``sigma_...``, and the shape that all have together."""
-    arrays = {name: checks.array(name, value) for name, value in given.items()}
+    """Return maps as rows of pixels, those of errors as ``sigma_...``, and the shape of all together.
+
+    Where errors are given, none of them or more, an entry may be NaN.
+    """
+    arrays = {name: checks.array(name, value, finite=errors is None) for name, value in given.items()}
     for name, value in (errors or {}).items():
         arrays[f"sigma_{name}"] = error = checks.array(f"sigma_{name}", value)
         checks.refuse(f"sigma_{name}", error, error <= 0.0, "positive")
@@ -167,7 +170,9 @@ def spread(
             checks.refuse(name, value, value <= 0.0, "positive, in nm")
         if not value.size:
             raise InputError(name, value.shape, "one pixel or more")
-        for one in (float(value.min()), float(value.max())):
+        checks.refuse(name, value, np.isinf(value), "finite, or NaN where it is missing")
+        known = value[np.isfinite(value)]
+        for one in (float(known.min()), float(known.max())) if known.size else ():
             checked(name, one, plausible=check, quantity=_QUANTITIES.get(name.removesuffix("_2")))
     return {name: np.broadcast_to(value, shape).ravel() for name, value in arrays.items()}, shape
 

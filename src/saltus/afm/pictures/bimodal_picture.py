@@ -66,10 +66,10 @@ def _panels(ax: Sequence[Axes] | Axes | None, count: int, line: bool) -> list[Ax
     """The Axes given, or new ones: above each other for lines, beside each other for images."""
     if ax is None:
         if line:
-            figure = style.new_figure(figsize=(6.4, 2.0 + 1.5 * count), layout="constrained")
+            figure = style.new_figure(figsize=(6.4, 1.0 + 1.6 * count))
             return list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
         rows = -(-count // 3)
-        figure = style.new_figure(figsize=(3.7 * min(count, 3) + 0.3, 3.2 * rows), layout="constrained")
+        figure = style.new_figure(figsize=(3.7 * min(count, 3) + 0.3, 3.2 * rows))
         grid = figure.subplots(rows, min(count, 3), squeeze=False).ravel()
         for empty in grid[count:]:
             empty.set_axis_off()
