@@ -40,7 +40,9 @@ class Approach(NamedTuple):
     c: Floats
     A1: Floats
     A2: Floats
-    lack: Floats  # what the condition of the distance lacks; NaN where no amplitudes are found
+    # what the condition of the distance lacks; one of an amplitude is met with the drive ahead of 0 degrees, or of 180
+    lack: Floats
+    other_lack: Floats
     virial: Floats  # of both modes, in aJ
 
 
@@ -71,7 +73,7 @@ def from_contact(balance: Balance, modes: Sequence[AM | FM], q: Floats, Zc: Floa
 
 
 def _as_approach(rows: Sequence[tuple[Floats, ...]]) -> Approach:
-    return Approach(*(np.array([row[i] for row in rows]) for i in range(5)))
+    return Approach(*(np.array([row[i] for row in rows]) for i in range(6)))
 
 
 class _Way:
@@ -101,9 +103,10 @@ class _Way:
         means = self.balance.means(own, ROUGH)
         equations = [_Mode(self.balance, i, self.modes[i], self.held[i], list(amplitudes), means) for i in (0, 1)]
         setting = next((one for one in equations if one.mode.sets_distance), None)
-        lack = setting.condition() if setting is not None else c - self.bend * means[0, 0] - self.Zc
+        gap = c - self.bend * means[0, 0] - (math.nan if self.Zc is None else self.Zc)
+        lacks = (gap, np.full_like(c, math.nan)) if setting is None else setting.conditions()
         virial = amplitudes[0] * means[1, 0] + amplitudes[1] * means[2, 0]
-        return equations, (c, *amplitudes, lack, virial)
+        return equations, (c, *amplitudes, *lacks, virial)
 
     def plain(self) -> list[tuple[Floats, ...]]:
         """The way where both amplitudes are held."""
@@ -129,7 +132,7 @@ class _Way:
                 w = w + np.where(np.isfinite(steps), np.clip(steps, -0.5, 0.5), 0.0)
             with np.errstate(invalid="ignore"):
                 settled = np.abs(steps).max(0) < _SETTLED
-            good = settled & (self.at(self.depth(w[0]), self.whole(w))[1][4] < 0.0) & ~np.isfinite(found[0])
+            good = settled & (self.at(self.depth(w[0]), self.whole(w))[1][-1] < 0.0) & ~np.isfinite(found[0])
             found[:, good] = w[:, good]
         return found
 
@@ -249,11 +252,12 @@ class _Mode:
         size = np.hypot(self.x, self.y)
         return size - A0, (self.x * self.x_A + self.y * self.y_A) / size
 
-    def condition(self) -> Floats:
-        """What the set point that holds the distance lacks."""
+    def conditions(self) -> tuple[Floats, Floats]:
+        """What the set point that holds the distance lacks: an amplitude belongs to two lags."""
         if isinstance(self.mode, FM):
-            return np.asarray(self.resonance - self.held["shift_Hz"])
-        return np.asarray(np.hypot(self.x, self.y) - self.held["excitation_nm"])
+            return self.resonance - self.held["shift_Hz"], np.full_like(self.x, math.nan)
+        cosine = np.sqrt(self.held["excitation_nm"] ** 2 - self.y**2)
+        return self.x - cosine, self.x + cosine
 
     def readings(self) -> dict[str, Floats]:
         """Those that are not held."""

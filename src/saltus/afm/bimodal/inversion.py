@@ -42,6 +42,7 @@ _START = 30.0  # factor by which a start may differ from the law's value
 _RIDGE = 1e-10  # added to normal equations whose columns have length 1, for unknowns without influence
 _ROUGH_STEPS = 15  # steps with few nodes, after which starts that have come together are one
 _HOPELESS = 1e4  # chi2 above that of the best with which no start goes on
+_STRAIGHT = 3  # unknowns besides the gap up to which the valleys of least squares are straight enough
 _DEGENERATE = 1e-9  # least singular value over the largest
 
 
@@ -64,7 +65,8 @@ def bimodal_map(
     Parameters
     ----------
     readings : mapping of str to array_like
-        Maps, which are broadcast together, NaN where a reading is missing: ``amplitude_nm``, ``lag_deg``, ``shift_Hz``, ``excitation_nm``, those of
+        Maps, which are broadcast together, NaN where a reading is missing: ``amplitude_nm``, ``lag_deg``, ``shift_Hz``,
+        ``excitation_nm``, those of
         the second mode with ``_2``, and ``Zc_nm`` where it is known. A reading takes the place of the set value that
         `modes` has.
     probe : Probe
@@ -111,8 +113,20 @@ def bimodal_map(
     >>> found = bimodal_map(seen, probe, law, modes, sigma=errors)
     >>> print(f"{found['E_GPa']:.3f} +- {found.sigma['E_GPa']:.3f} GPa, chi2 {found.chi2:.2f}")
     """
-    balance, modes = checked_modes(probe, law, modes), tuple(modes)
     checks.flag("check", check)
+    with np.errstate(all="ignore"):  # formulas have poles beyond their domain, and what is not finite is left out
+        return _inverted(readings, checked_modes(probe, law, modes), modes, unknowns, sigma, check)
+
+
+def _inverted(
+    readings: Mapping[str, ArrayLike],
+    balance: Balance,
+    modes: Sequence[AM | FM],
+    unknowns: Sequence[str],
+    sigma: Mapping[str, ArrayLike] | None,
+    check: bool,
+) -> BimodalMap:
+    """Check the names and shapes, and solve."""
     allowed = ("Zc_nm", *READINGS)
     own = checks.mapping("readings", readings, "names to arrays", known=allowed)
     sought = checks.names("unknowns", unknowns, "parameters of the law", least=1)
@@ -164,6 +178,7 @@ class _Inversion:
         positive = {name for name, one in signs.items() if name == "E_GPa" or (one is not None and one.sign == "+")}
         self.weighing = Weighing(balance, unknown, sigma, {name for name in positive if q[balance.at[name], 0] > 0.0})
         self.sigma, self.pixels = sigma, q.shape[1]
+        self.curved = len(unknown) - 1 > _STRAIGHT  # all but the gap are solved for again after each step
 
     def starts(self) -> tuple[Floats, NDArray[np.intp]]:
         """Variables at depths where the equations are met best in their surroundings, and which pixel each is of."""
@@ -178,7 +193,7 @@ class _Inversion:
             own = q.copy()
             own[at["mean_gap_nm"]] = self.balance.level(q) - depth + amplitudes
             for _ in range(2):
-                own, left = self.at_depth(own)
+                own, left = self.at_depth(own, np.arange(self.pixels), ROUGH)
             chi2.append(left)
             states.append(own[self.weighing.rows])
         values = np.array(chi2)
@@ -195,15 +210,15 @@ class _Inversion:
             of.append(some)
         return np.concatenate(picked, axis=1), np.concatenate(of)
 
-    def at_depth(self, q: Floats) -> tuple[Floats, Floats]:
+    def at_depth(self, q: Floats, of: NDArray[np.intp], nodes: Nodes) -> tuple[Floats, Floats]:
         """Solve for all unknowns but the mean gap, in which the equations are nearly linear; return what is left."""
         rest = list(range(1, len(self.unknown)))
-        weighed = self.weighing.at(q, np.arange(self.pixels), ROUGH)
+        weighed = self.weighing.at(q, of, nodes)
         slopes = weighed.slopes[..., rest]
         sizes = np.linalg.norm(slopes, axis=1)
         sizes[~(sizes > 0.0)] = 1.0
         good = np.isfinite(slopes).all((1, 2)) & np.isfinite(weighed.residual).all(1)
-        steps = np.zeros((self.pixels, len(rest)))
+        steps = np.zeros((len(of), len(rest)))
         scaled = slopes[good] / sizes[good][:, None]
         normal = scaled.transpose(0, 2, 1) @ scaled + _RIDGE * np.eye(len(rest))
         down = scaled.transpose(0, 2, 1) @ weighed.residual[good][..., None]
@@ -214,7 +229,7 @@ class _Inversion:
             row = self.weighing.rows[place]
             out[row] = q[row] + steps[:, i]
             if place in self.weighing.logarithmic:
-                first = self.q[row]
+                first = self.q[row, of]
                 out[row] = np.clip(out[row], first / _START**3, first * _START**3)
         return out, np.where(good, left, np.nan)
 
@@ -231,7 +246,8 @@ class _Inversion:
         weights = weighed.weights.copy()
         chi2 = np.sum(residual**2, axis=1)
         for _ in range(most):
-            active = active[np.isfinite(chi2[active]) & ~done[active]]
+            sound = np.isfinite(chi2[active]) & np.isfinite(slopes[active]).all((1, 2))
+            active = active[sound & ~done[active]]
             if not len(active):
                 break
             J, r = slopes[active], residual[active]
@@ -243,6 +259,8 @@ class _Inversion:
             down = -(scaled.transpose(0, 2, 1) @ r[..., None])
             steps = np.linalg.solve(matrix, down)[..., 0] / sizes
             trial = self.weighing.moved(q[:, active], steps.T)
+            if self.curved:
+                trial, _ = self.at_depth(trial, of[active], nodes)
             seen = self.weighing.at(trial, of[active], nodes)
             # the weights are those before the step: they are no part of what is made least
             new = np.sum((weights[active] @ seen.plain[..., None])[..., 0] ** 2, axis=1)
@@ -255,7 +273,7 @@ class _Inversion:
             chi2[taken] = np.sum(seen.residual[better] ** 2, axis=1)
             slopes[taken] = self.weighing.scaled(trial[:, better], seen.slopes[better])
             done[active[small & (better | (damping[active] < 1.0))]] = True
-            damping[active] = np.where(better, damping[active] * 0.1, np.maximum(damping[active], 1e-6) * 10.0)
+            damping[active] = np.where(better, np.maximum(damping[active] * 0.1, 1e-6), np.maximum(damping[active], 1e-6) * 10.0)
         return q, chi2, done
 
     def solved(self, shape: tuple[int, ...]) -> BimodalMap:
@@ -292,7 +310,7 @@ class _Inversion:
         """Whether readings and law agree."""
         exact = (
             1e-6 if self.freedom == 0 else 1.0
-        )  # chi2 of equations that are all met, and of a lack of 1 % of a drive
+        )  # of equations that are met, or lack 1 % of a drive
         return np.asarray(chi2 <= (stats.chi2.isf(_DOUBT, self.freedom) if self.sigma and self.freedom else exact))
 
     def same(self, a: Floats, b: Floats) -> bool:
@@ -326,7 +344,9 @@ class _Inversion:
         )
         reasons.tell(good[~clear], "the readings do not determine all unknowns, as where the tip does not touch")
         reasons.tell(good[~exact], "no values of the unknowns meet the equations")
-        kept = fine & clear & exact
+        felt = self.felt(own, weighed.weights)
+        reasons.tell(good[~felt], "no force is felt: the readings are those of a free probe, within their errors")
+        kept = fine & clear & exact & felt
         good, own, weighed = good[kept], own[:, kept], weighing.at(own[:, kept], good[kept])
         for name in self.sought:
             quantity = quantity_of(name)
@@ -372,6 +392,14 @@ class _Inversion:
             reasons.status.reshape(shape),
             tuple(reasons.texts),
         )
+
+    def felt(self, q: Floats, weights: Floats) -> NDArray[np.bool_]:
+        """Whether the readings differ from those of a probe without a sample by more than their errors."""
+        means = np.zeros((5, 4 + len(self.balance.layers.names), q.shape[1]))
+        lack, _ = self.balance.residuals(q, means)
+        lack[4] = 0.0
+        free = np.sum((weights @ lack.T[..., None]) ** 2, axis=(1, 2))
+        return np.asarray(free > (stats.chi2.isf(_DOUBT, 4) if self.sigma else 1.0))
 
     def unmoved(self, q: Floats, of: NDArray[np.intp], slopes: Floats) -> NDArray[np.bool_]:
         """Whether finer nodes move the unknowns by less than the tolerance."""

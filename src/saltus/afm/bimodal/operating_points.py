@@ -93,9 +93,21 @@ def bimodal(
     >>> print(f"{seen['lag_deg']:.2f} degrees, {seen['shift_Hz_2']:.1f} Hz, {seen['indentation_nm']:.3f} nm")
     56.57 degrees, 748.8 Hz, 1.108 nm
     """
-    balance, modes = checked_modes(probe, law, modes), tuple(modes)
     checks.chosen("regime", regime, _REGIMES)
     checks.flag("check", check)
+    with np.errstate(all="ignore"):  # formulas have poles beyond their domain, and what is not finite is left out
+        return _operating(checked_modes(probe, law, modes), modes, Zc_nm, parameters, regime, check)
+
+
+def _operating(
+    balance: Balance,
+    modes: Sequence[AM | FM],
+    Zc_nm: ArrayLike | None,
+    parameters: Mapping[str, ArrayLike] | None,
+    regime: str,
+    check: bool,
+) -> BimodalMap:
+    """Check the names and shapes, and solve."""
     given = dict(checks.mapping("parameters", parameters or {}, "names to arrays", known=balance.layers.names))
     setting = [type(mode).__name__ for mode in modes if mode.sets_distance]
     if len(setting) + (Zc_nm is not None) != 1:
@@ -180,12 +192,11 @@ def spread(
 def _chosen(way: Approach, sign: float) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """Return gap and amplitudes where the condition is met first, and how many such places there are of each sign."""
     pixels = way.c.shape[1]
-    chosen, counts, others = np.full((3, pixels), math.nan), np.zeros((2, pixels), dtype=np.int64), 0
-    for i in range(len(way.c) - 1):
-        before, after = way.lack[i], way.lack[i + 1]
-        with np.errstate(invalid="ignore"):
-            meets = (before * after < 0.0) | ((after == 0.0) & (before != 0.0))
-            share = np.where(meets, before / np.where(before == after, 1.0, before - after), 0.0)
+    chosen, counts = np.full((3, pixels), math.nan), np.zeros((2, pixels), dtype=np.int64)
+    for i, lack in ((i, lack) for i in range(len(way.c) - 1) for lack in (way.lack, way.other_lack)):
+        before, after = lack[i], lack[i + 1]
+        meets = (before * after < 0.0) | ((after == 0.0) & (before != 0.0))
+        share = np.where(meets, before / np.where(before == after, 1.0, before - after), 0.0)
         virial = (1.0 - share) * way.virial[i] + share * way.virial[i + 1]
         mine = meets & (np.where(virial == 0.0, sign, virial) * sign > 0.0)
         first = mine & (counts[0] == 0)
@@ -193,8 +204,7 @@ def _chosen(way: Approach, sign: float) -> tuple[NDArray[np.float64], NDArray[np
             chosen[row, first] = ((1.0 - share) * values[i] + share * values[i + 1])[first]
         counts[0] += mine
         counts[1] += meets & ~mine
-    others = counts[1]
-    return chosen, counts[0], others
+    return chosen, counts[0], counts[1]
 
 
 def _newton(
