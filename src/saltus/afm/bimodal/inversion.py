@@ -273,7 +273,9 @@ class _Inversion:
             chi2[taken] = np.sum(seen.residual[better] ** 2, axis=1)
             slopes[taken] = self.weighing.scaled(trial[:, better], seen.slopes[better])
             done[active[small & (better | (damping[active] < 1.0))]] = True
-            damping[active] = np.where(better, np.maximum(damping[active] * 0.1, 1e-6), np.maximum(damping[active], 1e-6) * 10.0)
+            damping[active] = np.where(
+                better, np.maximum(damping[active] * 0.1, 1e-6), np.maximum(damping[active], 1e-6) * 10.0
+            )
         return q, chi2, done
 
     def solved(self, shape: tuple[int, ...]) -> BimodalMap:
@@ -308,9 +310,7 @@ class _Inversion:
 
     def fair(self, q: Floats, chi2: Floats) -> NDArray[np.bool_]:
         """Whether readings and law agree."""
-        exact = (
-            1e-6 if self.freedom == 0 else 1.0
-        )  # of equations that are met, or lack 1 % of a drive
+        exact = 1e-6 if self.freedom == 0 else 1.0  # of equations that are met, or lack 1 % of a drive
         return np.asarray(chi2 <= (stats.chi2.isf(_DOUBT, self.freedom) if self.sigma and self.freedom else exact))
 
     def same(self, a: Floats, b: Floats) -> bool:
