@@ -22,10 +22,13 @@ __all__ = ["Approach", "approached", "depths", "from_contact", "started"]
 
 Floats = NDArray[np.float64]
 
-_HEIGHTS, _DEPTHS = 40, 48  # places above and below the surface
-_CLOSE, _SHALLOW = 0.02, 2e-3  # least height and depth, in nm
+_HEIGHTS = 40  # places above the surface
+_DEPTHS = 48  # places below it
+_CLOSE = 0.02  # least height, in nm
+_SHALLOW = 2e-3  # least depth, in nm
 _MOST = 400  # steps along a way that may fold, at most
-_LONGEST, _SHORTEST = 0.3, 1e-5  # steps of it
+_LONGEST = 0.3  # step of it, at most
+_SHORTEST = 1e-5  # step of it, at least
 _CORRECTIONS = 4  # Newton's steps at each place
 _TRIES = 25  # Newton's steps from a guess
 # guesses of a motion in contact: depth over the amplitude, amplitudes over the free ones

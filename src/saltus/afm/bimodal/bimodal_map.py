@@ -35,7 +35,8 @@ _READINGS = {
     "eta_Pa_s": Reading("Pa s", "viscosity"),
     "H_aJ": Reading("aJ", "Hamaker constant"),
 }
-_SIGMA, _SLOPES = "sigma_", "derivatives"
+_SIGMA = "sigma_"  # prefix of standard errors in a Dataset
+_SLOPES = "derivatives"  # variable of derivatives in a Dataset
 
 
 def reading_of(name: str) -> Reading:
@@ -56,9 +57,9 @@ class BimodalMap(Result):
     Attributes
     ----------
     columns : mapping of str to ndarray, shape of the map
-        ``Zc_nm``, the readings of both modes (``amplitude_nm``, ``lag_deg``, ``shift_Hz``, ``excitation_nm``, and with
-        ``_2``), the law's parameters, ``mean_gap_nm``, ``indentation_nm``, ``deflection_pm``, and ``virial_eV`` and
-        ``E_ts_eV`` of each mode in a cycle of its own. NaN where there is no solution.
+        ``Zc_nm``, ``mean_gap_nm``, ``indentation_nm``, ``deflection_pm`` and the law's parameters. Readings of each mode
+        are ``amplitude_nm``, ``lag_deg``, ``shift_Hz`` and ``excitation_nm``, those of the second with ``_2``. Each mode
+        has ``virial_eV`` and ``E_ts_eV``, in a cycle of its own. NaN where there is no solution.
     found : tuple of str
         The columns that were sought.
     sigma : mapping of str to ndarray

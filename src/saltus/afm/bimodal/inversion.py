@@ -88,13 +88,12 @@ def bimodal_map(
     BimodalMap
         Values with standard errors, ``chi2``, and derivatives along readings and known values, which are those of the
         least squares where the equations are met. NaN and a reason where there is no solution. A reason beside a value
-        tells that several solutions agree with the readings, that readings and law disagree, or that a loss is
-        negative.
+        tells of several solutions, of readings that disagree with the law, or of a negative loss.
 
     Raises
     ------
     InputError
-        A name is not known, more is unknown than there are equations, shapes differ, or a value is not allowed or,
+        A name is not known, more is unknown than there are equations, or shapes differ. A value is not allowed or,
         with `check`, not plausible.
 
     References

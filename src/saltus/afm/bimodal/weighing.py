@@ -15,7 +15,8 @@ __all__ = ["Weighed", "Weighing"]
 
 Floats = NDArray[np.float64]
 
-_EXACT, _ROUGH = 1e-5, 1e-2  # share of a drive to which its equations are meant, with and without known errors
+_EXACT = 1e-5  # share of a drive to which its equations are meant, beside known errors
+_ROUGH = 1e-2  # the same where no errors are known
 _ROUNDING = 1e-12  # added to correlations, so that rounding leaves them positive definite
 
 
