@@ -39,6 +39,7 @@ def brute(law, c, A1, A2, n=1200):
     return np.array([one.mean() for one in found])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("law", LAWS)
 def test_means_are_those_of_a_brute_sum(law):
     for motion in MOTIONS[:3:2]:
@@ -66,7 +67,8 @@ def test_derivatives_are_differences_of_the_means(law):
 def test_standard_nodes_resolve_the_means(law):
     for motion in MOTIONS:
         rough, fine = (means(LAWS[law], *motion, nodes) for nodes in (STANDARD, FINE))
-        assert np.abs(rough - fine).max() < 1e-7 * np.abs(fine).max() + 1e-15
+        # the change by finer nodes up to which `bimodal` tells a solution
+        assert np.abs(rough - fine).max() < 1e-6 * np.abs(fine).max() + 1e-15
 
 
 def test_hertzian_means_are_the_closed_forms_of_shallow_contact():

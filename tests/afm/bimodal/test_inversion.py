@@ -13,6 +13,7 @@ PROBE = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=(70.0, 440.0), Q=(150.0, 450.0), R_n
 VISCOUS = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0)
 SPHERE = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.2) + afm.DMT(E_GPa=2.0) + afm.KelvinVoigt(eta_Pa_s=20.0)
 AM_FM = (afm.AM(A0_nm=30.0, setpoint_nm=25.0), afm.FM(A_nm=0.5))
+NEGATIVE = {"amplitude_nm": -25.0, "lag_deg": 57.0, "shift_Hz_2": 700.0, "excitation_nm_2": 0.51}
 MODES = {
     "AM-FM": AM_FM,
     "FM-FM": (afm.FM(A_nm=20.0, setpoint_Hz=300.0), afm.FM(A_nm=0.5)),
@@ -106,10 +107,10 @@ def test_a_map_is_saved_loaded_and_drawn(tmp_path):
         (lambda: afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_Gpa": 1.0}), "E_GPa"),
         (lambda: afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_GPa": 1e9}), "in Pa"),
         (lambda: afm.bimodal_map({"lag_deg": 60.0}, PROBE, VISCOUS, AM_FM), "there are five equations"),
-        (lambda: afm.bimodal_map({"amplitude_nm": -25.0}, PROBE, VISCOUS, AM_FM), "amplitude_nm"),
+        (lambda: afm.bimodal_map(NEGATIVE, PROBE, VISCOUS, AM_FM), "positive, in nm"),
         (lambda: afm.bimodal_map({"lag": 60.0}, PROBE, VISCOUS, AM_FM), "lag_deg"),
         (lambda: afm.FM(A_nm=0.5, A0_nm=0.5), "exactly one"),
-        (lambda: afm.AM(A0_nm=0.0), "positive"),
+        (lambda: afm.AM(A0_nm=0.0), "> 0"),
         (lambda: afm.AM(A0_nm=30e-9, setpoint_nm=25e-9), "in m"),
     ],
 )

@@ -10,6 +10,7 @@ PROBE = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=(70.0, 440.0), Q=(150.0, 450.0), R_n
 VISCOUS = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0)
 
 
+@pytest.mark.campaign
 def test_an_exact_bimodal_orbit_differs_by_little():
     # k2 = 2 (6.267)**2, f2 = 19/3 f1: A1 = 17.77703712, lag 63.53805690 by an event-exact integration
     probe = afm.Probe(k_N_m=(2.0, 2 * 6.267**2), f0_kHz=(70.0, 70 * 19 / 3), Q=(150.0, 450.0), R_nm=10.0)
@@ -19,6 +20,7 @@ def test_an_exact_bimodal_orbit_differs_by_little():
     assert seen["lag_deg"] == pytest.approx(63.53805690, abs=1.0)
 
 
+@pytest.mark.campaign
 def test_one_mode_of_two_has_the_exact_distance_curve_but_for_the_bending_of_the_other():
     # lever S of 26 N/m at 10 nm: 10.71569893 nm and 63.24971471 degrees, 9.895278868 nm and 124.4512443 degrees
     probe = afm.Probe(k_N_m=(26.0, 1e4), f0_kHz=(300.0, 1880.0), Q=(400.0, 400.0), R_nm=12.0)
