@@ -111,6 +111,7 @@ def bimodal_map(
     >>> errors = {"lag_deg": 0.1, "shift_Hz_2": 2.0, "excitation_nm_2": 0.005}
     >>> found = bimodal_map(seen, probe, law, modes, sigma=errors)
     >>> print(f"{found['E_GPa']:.3f} +- {found.sigma['E_GPa']:.3f} GPa, chi2 {found.chi2:.2f}")
+    2.272 +- 0.036 GPa, chi2 14.28
     """
     checks.flag("check", check)
     with np.errstate(all="ignore"):  # formulas have poles beyond their domain, and what is not finite is left out
