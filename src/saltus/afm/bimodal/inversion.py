@@ -338,7 +338,7 @@ class _Inversion:
         fine = self.unmoved(own, good, weighed.slopes)
         reasons.tell(best < 0, "no values are found that meet the equations best")
         known = [balance.at[name] for name in balance.names if name not in self.unknown]
-        reasons.tell(~np.isfinite(self.q[known]).all(0), "a reading is missing")
+        reasons.tell(np.asarray(~np.isfinite(self.q[known]).all(0)), "a reading is missing")
         reasons.tell(
             good[~fine], "the means over the motion are not resolved: finer nodes change the values by more than 1e-5"
         )
