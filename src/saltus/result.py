@@ -56,6 +56,7 @@ _HOMES = {
     "Curve": "saltus.afm.curves.curve",
     "Bistability": "saltus.afm.curves.bistable_region",
     "Calibration": "saltus.afm.calibration.calibration",
+    "BimodalMap": "saltus.afm.bimodal.bimodal_map",
     "FrequencyShift": "saltus.afm.fm.shift_curve",
     "ReconstructedForce": "saltus.afm.reconstruction.force",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",

@@ -1,5 +1,9 @@
 """The public names; `__init__.py` reads where each is, and imports it on first use."""
 
+from .bimodal.bimodal_map import BimodalMap as BimodalMap
+from .bimodal.inversion import bimodal_map as bimodal_map
+from .bimodal.operating_points import bimodal as bimodal
+from .bimodal.operation import AM as AM, FM as FM
 from .calibration.calibrating import calibrate as calibrate
 from .calibration.calibration import Calibration as Calibration
 from .calibration.spectra import read_spectrum as read_spectrum

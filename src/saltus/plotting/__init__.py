@@ -40,6 +40,7 @@ _HOMES = {
     "saltus.afm.curves.curve.Curve": "saltus.afm.pictures.curve_picture",
     "saltus.afm.curves.bistable_region.Bistability": "saltus.afm.pictures.bistable_picture",
     "saltus.afm.calibration.calibration.Calibration": "saltus.afm.pictures.spectrum_picture",
+    "saltus.afm.bimodal.bimodal_map.BimodalMap": "saltus.afm.pictures.bimodal_picture",
     "saltus.afm.fm.shift_curve.FrequencyShift": "saltus.afm.pictures.shift_picture",
     "saltus.afm.reconstruction.force.ReconstructedForce": "saltus.afm.pictures.force_picture",
     "saltus.basins.measures.erosion.ErosionProfile": "saltus.plotting.erosion",

@@ -1,0 +1,135 @@
+"""The balance of two modes over a sample: equations between readings, distance and the sample's values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from saltus.afm.bimodal.averages import STANDARD, Motion, Nodes, averages
+from saltus.afm.bimodal.layers import Layers, layers_of
+from saltus.afm.laws.law import Law
+from saltus.afm.probe.probe import Probe
+from saltus.afm.probe.units import ENERGY_EV
+
+__all__ = ["OF_MODES", "READINGS", "Balance"]
+
+Floats = NDArray[np.float64]
+
+OF_MODES = ("amplitude_nm", "lag_deg", "shift_Hz", "excitation_nm")
+READINGS = tuple(name + end for end in ("", "_2") for name in OF_MODES)
+_DEGREE = math.pi / 180.0
+
+
+class Balance:
+    """The equations of a probe and a law.
+
+    With amplitude A, lag and frequency ``f = f0 r`` of a mode, and the drive ``k A0/Q``, its first harmonic demands
+
+    - ``A0 cos(lag) = Q A (1 - r**2) - 2 Q/k <F cos(phi)>``
+    - ``A0 sin(lag) = A r + 2 Q/k omega A <gamma sin(phi)**2>``
+
+    and the mean demands ``c = Zc + <F> sum(1/k)``. All variables stand in one row a name, shape (variable, pixel).
+    """
+
+    def __init__(self, probe: Probe, law: Law) -> None:
+        self.k, self.f0, self.Q = (np.array(getattr(probe, name)) for name in ("k_N_m", "f0_kHz", "Q"))
+        self.weights = np.array(probe.optical_weights)
+        self.layers: Layers = layers_of(law, probe.R_nm)
+        self.own = {"R_nm": probe.R_nm, **law.parameters}
+        self.names = ("mean_gap_nm", "Zc_nm", *READINGS, *self.layers.names)
+        self.at = {name: i for i, name in enumerate(self.names)}
+
+    def values(self, given: Mapping[str, Floats], pixels: int) -> Floats:
+        """All variables, NaN where nothing is given; parameters of the law have the law's values."""
+        q = np.full((len(self.names), pixels), math.nan)
+        for name in self.layers.names:
+            q[self.at[name]] = self.own[name]
+        for name, value in given.items():
+            q[self.at[name]] = value
+        return q
+
+    def parameters(self, q: Floats) -> dict[str, Floats]:
+        """The law's parameters among the variables."""
+        return {name: q[self.at[name]] for name in self.layers.names}
+
+    def means(self, q: Floats, nodes: Nodes = STANDARD) -> Floats:
+        """Means of the force; see `averages`."""
+        motion = Motion(*(q[self.at[name]] for name in ("mean_gap_nm", "amplitude_nm", "amplitude_nm_2")))
+        return averages(self.layers, motion, self.parameters(q), nodes)
+
+    def residuals(self, q: Floats, means: Floats) -> tuple[Floats, Floats]:
+        """What the five equations lack, and its derivatives along all variables.
+
+        Returns
+        -------
+        residual : ndarray, shape (5, pixel)
+            Cosine and sine of each mode's drive, in nm; last the mean gap, in nm.
+        slopes : ndarray, shape (5, variable, pixel)
+        """
+        at, along = self.at, self._columns()
+        residual, slopes = np.zeros((5, q.shape[1])), np.zeros((5, len(q), q.shape[1]))
+        for i, end in enumerate(("", "_2")):
+            A, lag, shift, A0 = (q[at[name + end]] for name in OF_MODES)
+            columns = [at[name + end] for name in OF_MODES]
+            k, Q, f0 = self.k[i], self.Q[i], self.f0[i]
+            r, omega = 1.0 + 1e-3 * shift / f0, 2e-3 * math.pi * (f0 + 1e-3 * shift)
+            cosine, sine, per_Hz = np.cos(lag * _DEGREE), np.sin(lag * _DEGREE), 1e-3 / f0
+            elastic, damping, factor = means[1 + i], means[3 + i], 2.0 * Q / k
+            residual[2 * i] = Q * A * (1.0 - r**2) - factor * elastic[0] - A0 * cosine
+            slopes[2 * i, along] = -factor * elastic[1:]
+            slopes[2 * i, columns] += [Q * (1.0 - r**2), A0 * sine * _DEGREE, -2.0 * Q * A * r * per_Hz, -cosine]
+            residual[2 * i + 1] = A * r + factor * omega * A * damping[0] - A0 * sine
+            slopes[2 * i + 1, along] = factor * omega * A * damping[1:]
+            slopes[2 * i + 1, columns] += [
+                r + factor * omega * damping[0],
+                -A0 * cosine * _DEGREE,
+                A * per_Hz * (1.0 + factor * 2e-3 * math.pi * f0 * damping[0]),
+                -sine,
+            ]
+        bend = float(np.sum(1.0 / self.k))
+        residual[4] = q[at["mean_gap_nm"]] - bend * means[0, 0] - q[at["Zc_nm"]]
+        slopes[4, along] = -bend * means[0, 1:]
+        slopes[4, at["mean_gap_nm"]] += 1.0
+        slopes[4, at["Zc_nm"]] = -1.0
+        return residual, slopes
+
+    def _columns(self) -> list[int]:
+        """The variables along which the means have derivatives."""
+        return [self.at[name] for name in ("mean_gap_nm", "amplitude_nm", "amplitude_nm_2", *self.layers.names)]
+
+    def steps(self, residual: Floats, slopes: Floats, unknown: Sequence[str]) -> Floats:
+        """Newton's steps of as many unknowns as equations, shape (unknown, pixel); NaN where singular."""
+        matrix = slopes[:, [self.at[name] for name in unknown]].transpose(2, 0, 1)
+        good = np.asarray(np.isfinite(matrix).all((1, 2)) & np.isfinite(residual).all(0))
+        good[good] &= np.abs(np.linalg.det(matrix[good])) > 0.0
+        steps = np.full((len(unknown), residual.shape[1]), math.nan)
+        steps[:, good] = -np.linalg.solve(matrix[good], residual[:, good].T[..., None])[..., 0].T
+        return steps
+
+    def level(self, q: Floats) -> Floats:
+        """Gap at which the farthest of the law's crossings is, 0 where the law has none."""
+        if not self.layers.levels:
+            return np.zeros(q.shape[1])
+        return self.layers.level(0, self.parameters(q))[0]
+
+    def contact(self, q: Floats) -> Floats:
+        """Gap at which the nearest of the law's crossings is, 0 where the law has none."""
+        if not self.layers.levels:
+            return np.zeros(q.shape[1])
+        return self.layers.level(len(self.layers.levels) - 1, self.parameters(q))[0]
+
+    def told(self, q: Floats, means: Floats) -> dict[str, Floats]:
+        """Further readings: deflection, energies of each mode in a cycle of its own, indentation."""
+        found = {"deflection_pm": 1e3 * float(np.sum(self.weights / self.k)) * means[0, 0]}
+        low = q[self.at["mean_gap_nm"]]
+        for i, end in enumerate(("", "_2")):
+            A, f = q[self.at["amplitude_nm" + end]], self.f0[i] + 1e-3 * q[self.at["shift_Hz" + end]]
+            found["virial_eV" + end] = A * means[1 + i, 0] * ENERGY_EV
+            found["E_ts_eV" + end] = 4e-3 * math.pi**2 * f * A**2 * means[3 + i, 0] * ENERGY_EV
+            low = low - A
+        if self.layers.levels:
+            found["indentation_nm"] = np.maximum(0.0, self.contact(q) - low)
+        return found
