@@ -4,7 +4,7 @@ from .bimodal.bimodal_map import BimodalMap as BimodalMap
 from .bimodal.inversion import bimodal_map as bimodal_map
 from .bimodal.operating_points import bimodal as bimodal
 from .bimodal.operation import AM as AM, FM as FM
-from .calibration.calibrating import calibrate as calibrate
+from .calibration.calibrating import CalibrationOptions as CalibrationOptions, calibrate as calibrate
 from .calibration.calibration import Calibration as Calibration
 from .calibration.spectra import read_spectrum as read_spectrum
 from .calibration.stiffness import sader_stiffness as sader_stiffness

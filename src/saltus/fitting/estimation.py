@@ -261,7 +261,9 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
     """Return the fit that a task asks for; warn where the data do not fit."""
     names, bounds = wanted.names, wanted.bounds
     with Reporter(progress) as reporter:
-        objective = Objective(wanted.measured, wanted.trace, names, reporter, wanted.priors, wanted.instrument)
+        objective = Objective(
+            wanted.measured, wanted.trace, names, reporter, wanted.priors, instrument=wanted.instrument
+        )
         _begin(objective, wanted)
         found = searched(objective, wanted.start, bounds, wanted.options.max_evaluations)
         refused = len(objective.failures)

@@ -71,7 +71,10 @@ def test_errors_add_up_as_by_hand(in_volts):
 
 def test_a_displacement_has_no_factor_of_the_slope():
     data = spectrum(4, "psd_nm2_Hz")
-    light, end = (afm.calibrate(data, T_K=T_K, lever=lever) for lever in ("optical", "displacement"))
+    light, end = (
+        afm.calibrate(data, T_K=T_K, options=afm.CalibrationOptions(lever=lever))
+        for lever in ("optical", "displacement")
+    )
     ratio = end["k_equipartition_N_m"] / light["k_equipartition_N_m"]
     assert ratio == pytest.approx(CHI**2, rel=1e-6)
     assert light.method == "equipartition"
@@ -82,7 +85,10 @@ def test_a_given_stiffness_comes_first_and_method_chooses():
     found = afm.calibrate(data, T_K=T_K, k_static_N_m=(1.5, 0.1), **SIZES)
     assert (found.method, found["k_static_N_m"]) == ("given", 1.5)
     assert found.errors["k_static_N_m"] == pytest.approx(0.1)
-    assert afm.calibrate(data, T_K=T_K, k_static_N_m=1.5, method="sader", **SIZES).method == "sader"
+    assert (
+        afm.calibrate(data, T_K=T_K, k_static_N_m=1.5, options=afm.CalibrationOptions(method="sader"), **SIZES).method
+        == "sader"
+    )
 
 
 def test_a_probe_and_priors_have_the_values(in_volts):
@@ -101,7 +107,7 @@ def test_a_second_mode_makes_a_probe_of_two(in_volts):
     f = np.linspace(200.0, 600.0, 4000)
     psd = oscillator(f, np.array([second.f0_kHz, second.Q, 1e-7, 1e-12]))
     psd *= np.random.default_rng(6).gamma(100, size=len(f)) / 100
-    found = afm.calibrate({"f_kHz": f, "psd_V2_Hz": psd}, mode=2, T_K=T_K, **SIZES)
+    found = afm.calibrate({"f_kHz": f, "psd_V2_Hz": psd}, T_K=T_K, options=afm.CalibrationOptions(mode=2), **SIZES)
     assert abs(found["k_static_N_m"] - STATIC) < 3.0 * found.errors["k_static_N_m"]
     assert found["k_N_m"] / found["k_static_N_m"] == pytest.approx(4.6940911**4 / 12.0, rel=1e-7)
     assert in_volts.probe(R_nm=8.0, higher=[found]).modes == 2
@@ -133,7 +139,10 @@ def test_what_disagrees_is_told():
     data = spectrum(7, "psd_nm2_Hz")
     found = afm.calibrate(data, T_K=T_K, length_um=240.0, width_um=45.0, fluid=AIR)
     assert any("more than the errors explain" in note for note in found.notes)
-    assert any("times that of 7 averages" in note for note in afm.calibrate(data, averages=7).notes)
+    assert any(
+        "times that of 7 averages" in note
+        for note in afm.calibrate(data, options=afm.CalibrationOptions(averages=7)).notes
+    )
     assert "more than the errors explain" in repr(found)
 
 
@@ -144,7 +153,7 @@ def test_what_does_not_go_together_is_refused():
     with pytest.raises(InputError, match="left out for a spectrum in nm"):
         afm.calibrate(data, invols_nm_V=60.0)
     with pytest.raises(InputError, match="method = 'sader': must be one of equipartition"):
-        afm.calibrate(data, method="sader")
+        afm.calibrate(data, options=afm.CalibrationOptions(method="sader"))
     with pytest.raises(InputError, match="in m\\? then it is 240 um"):
         afm.calibrate(data, length_um=240e-6, width_um=35.0, fluid=AIR)
     with pytest.raises(InputError, match="T_K"):
@@ -152,6 +161,6 @@ def test_what_does_not_go_together_is_refused():
     with pytest.raises(InputError, match="error of T_K = 400.0: must be below the value 300"):
         afm.calibrate(data, T_K=(300.0, 400.0))
     with pytest.raises(InputError, match="lever"):
-        afm.calibrate(data, lever="laser")
+        afm.CalibrationOptions(lever="laser")
     with pytest.raises(InputError, match="give calibrate length_um"):
         afm.calibrate(spectrum(8, "psd_V2_Hz")).probe(R_nm=8.0)

@@ -70,7 +70,7 @@ def test_a_lever_measured_in_air_has_the_modes_of_its_geometry():
     air = afm.Fluid.air()
     seen = afm.fluid_modes(LEVER, air)[0]
     measured = afm.Cantilever.from_measured(k=LEVER.k, f0=1e3 * seen.f0_kHz, Q=seen.Q)
-    sizes = {"length_um": 197.0, "width_um": 29.0}
+    sizes = {"plan_um": (197.0, 29.0)}
     found = afm.fluid_modes(measured, WATER, 2, measured_in=air, **sizes)
     for one, other in zip(found, afm.fluid_modes(LEVER, WATER, 2), strict=True):
         assert one == pytest.approx(other, rel=2e-5)  # what the frequency in air gives of the added mass there
@@ -94,16 +94,16 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match="given for a measured cantilever"):
         afm.fluid_modes(measured, WATER)
     with pytest.raises(InputError, match="a beam given by geometry has its own"):
-        afm.fluid_modes(LEVER, WATER, length_um=100.0)
+        afm.fluid_modes(LEVER, WATER, plan_um=(100.0, 20.0))
     with pytest.raises(InputError, match="in m\\? then it is 29 um"):
-        afm.fluid_modes(measured, WATER, length_um=197.0, width_um=29e-6)
+        afm.fluid_modes(measured, WATER, plan_um=(197.0, 29e-6))
     with pytest.raises(InputError, match="in mPa s\\? then it is 0.089 Pa s"):
         afm.Fluid(density_kg_m3=997.0, viscosity_Pa_s=89.0)
     with pytest.raises(InputError, match="fluid"):
         afm.fluid_modes(LEVER, "water")
     soft = afm.Cantilever.from_measured(k=1e-4, f0=70e3, Q=2.0)
     with pytest.raises(InputError, match="heavier than the beam"):
-        afm.fluid_modes(soft, WATER, length_um=200.0, width_um=30.0, measured_in=WATER)
+        afm.fluid_modes(soft, WATER, plan_um=(200.0, 30.0), measured_in=WATER)
 
 
 def test_short_waves_are_told():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from saltus.afm.probe.probe import MOST_MODES
 from saltus.afm.probe.units import Quantity, checked
 from saltus.errors import InputError
 
-__all__ = ["calibrate"]
+__all__ = ["CalibrationOptions", "calibrate"]
 
 Measured = float | tuple[float, float]
 
@@ -34,6 +35,56 @@ _LEVERS = ("optical", "displacement")
 _METHODS = ("given", "sader", "equipartition")
 
 
+@dataclass(frozen=True, kw_only=True)
+class CalibrationOptions:
+    """How a thermal spectrum is read.
+
+    Attributes
+    ----------
+    method : {"given", "sader", "equipartition"}
+        Which stiffness the probe has; by default the first of these that is known.
+    mode : int
+        Number of the mode whose peak it is.
+    lever : {"optical", "displacement"}
+        What a spectrum in nm shows: a deflection scaled by pressing on a sample, as reflected light does; or the true
+        displacement of the end, as of an interferometer.
+    averages : int
+        Independent spectra that were averaged; by default what the scatter of the bins tells.
+    range_kHz : (float, float)
+        Frequencies that are fitted; by default around the highest peak, from 0.4 to 2.5 times its frequency at most.
+    check : bool
+        Whether implausible values are refused.
+
+    Raises
+    ------
+    InputError
+        A value that is not allowed.
+
+    Examples
+    --------
+    >>> CalibrationOptions(mode=2, range_kHz=(300.0, 500.0)).lever
+    'optical'
+    """
+
+    method: str | None = None
+    mode: int = 1
+    lever: str = "optical"
+    averages: int | None = None
+    range_kHz: tuple[float, float] | None = None
+    check: bool = True
+
+    def __post_init__(self) -> None:
+        checks.flag("check", self.check)
+        checks.chosen("lever", self.lever, _LEVERS)
+        checks.count("mode", self.mode, 1, MOST_MODES)
+        if self.method is not None:
+            checks.chosen("method", self.method, _METHODS)
+        if self.averages is not None:
+            checks.count("averages", self.averages, 1)
+        if self.range_kHz is not None:
+            checks.interval("range_kHz", self.range_kHz, finite=True)
+
+
 def calibrate(
     spectrum: object,
     *,
@@ -43,12 +94,7 @@ def calibrate(
     fluid: Fluid | None = None,
     invols_nm_V: Measured | None = None,
     k_static_N_m: Measured | None = None,
-    method: str | None = None,
-    mode: int = 1,
-    lever: str = "optical",
-    averages: int | None = None,
-    range_kHz: tuple[float, float] | None = None,
-    check: bool = True,
+    options: CalibrationOptions | None = None,
 ) -> Calibration:
     """Return a cantilever's frequency, quality factor, stiffness and lever sensitivity from a thermal spectrum.
 
@@ -72,19 +118,8 @@ def calibrate(
         Inverse sensitivity of the lever in nm/V, from the slope of a curve on a hard sample.
     k_static_N_m : float or (float, float), optional
         A static stiffness that is known.
-    method : {"given", "sader", "equipartition"}, optional
-        Which stiffness the probe has; by default the first of these that is known.
-    mode : int, optional
-        Number of the mode whose peak it is.
-    lever : {"optical", "displacement"}, optional
-        What a spectrum in nm shows: a deflection scaled by pressing on a sample, as reflected light does; or the true
-        displacement of the end, as of an interferometer.
-    averages : int, optional
-        Independent spectra that were averaged; by default what the scatter of the bins tells.
-    range_kHz : (float, float), optional
-        Frequencies that are fitted; by default around the highest peak, from 0.4 to 2.5 times its frequency at most.
-    check : bool, optional
-        Whether implausible values are refused.
+    options : CalibrationOptions, optional
+        Which mode, which stiffness, what a spectrum shows, and what of it is fitted.
 
     Returns
     -------
@@ -117,11 +152,9 @@ def calibrate(
     if isinstance(spectrum, str | os.PathLike):
         spectrum = read_spectrum(Path(spectrum))
     f, psd, unit = spectrum_of(spectrum)
-    checks.chosen("lever", lever, _LEVERS)
-    number = checks.count("mode", mode, 1, MOST_MODES)
-    if averages is not None:
-        checks.count("averages", averages, 1)
-    span = None if range_kHz is None else checks.interval("range_kHz", range_kHz, finite=True)
+    options = CalibrationOptions() if options is None else options
+    checks.instance("options", options, CalibrationOptions)
+    number, method, check = options.mode, options.method, options.check
     given = _quantities(
         check,
         {
@@ -130,11 +163,11 @@ def calibrate(
         },
     )  # fmt: skip
     _check_together(given, fluid, unit, method)
-    peak = fitted_peak(f, psd, averages, span)
+    peak = fitted_peak(f, psd, options.averages, options.range_kHz)
     known = dict(zip(("f0_kHz", "Q", "variance", "white"), peak.values.tolist(), strict=True))
     checked("f0_kHz", known["f0_kHz"], plausible=check)
     inputs = known | {name: value for name, (value, _) in given.items()}
-    chi = optical_chi(number) if lever == "optical" else 1.0
+    chi = optical_chi(number) if options.lever == "optical" else 1.0
 
     def outcome(values: Mapping[str, float]) -> dict[str, float]:
         return _outcome(values, fluid, unit, number, chi, method)
@@ -146,7 +179,7 @@ def calibrate(
     used = method or ("given" if "k_static_N_m" in given else _first_of(found))
     return Calibration(
         **kept, f_kHz=f, psd=psd, used=peak.used, unit=unit, mode=number, averages=peak.averages, method=used,
-        notes=_notes(peak, found, f, averages, kept),
+        notes=_notes(peak, found, f, options.averages, kept),
     )  # fmt: skip
 
 
@@ -161,7 +194,6 @@ def _first_of(found: Mapping[str, float]) -> str:
 
 def _quantities(check: bool, values: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
     """Return measured quantities with their standard errors, 0 where none is given."""
-    checks.flag("check", check)
     found = {}
     for name, value in values.items():
         if value is None:
@@ -187,7 +219,6 @@ def _check_together(given: Mapping[str, Any], fluid: Fluid | None, unit: str, me
     if "invols_nm_V" in given and unit != "psd_V2_Hz":
         raise InputError("invols_nm_V", given["invols_nm_V"][0], "left out for a spectrum in nm^2/Hz")
     if method is not None:
-        checks.chosen("method", method, _METHODS)
         needed = {
             "given": "k_static_N_m" in given,
             "sader": bool(sizes),

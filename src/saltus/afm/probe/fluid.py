@@ -126,8 +126,7 @@ def fluid_modes(
     fluid: Fluid,
     modes: int = 1,
     *,
-    length_um: float | None = None,
-    width_um: float | None = None,
+    plan_um: tuple[float, float] | None = None,
     gap_um: float | None = None,
     measured_in: Fluid | None = None,
 ) -> tuple[FluidMode, ...]:
@@ -145,7 +144,7 @@ def fluid_modes(
         What is around it.
     modes : int, optional
         How many modes.
-    length_um, width_um : float, optional
+    plan_um : (float, float), optional
         Length and width, in um, of a measured cantilever.
     gap_um : float, optional
         Distance to a parallel wall, in um; the height of the tip, say. Without it no wall is near.
@@ -178,7 +177,7 @@ def fluid_modes(
     >>> print(*(f"{mode.f0_kHz:.2f} kHz, Q {mode.Q:.2f}" for mode in fluid_modes(lever, Fluid.water(), 2)), sep="; ")
     24.51 kHz, Q 3.49; 168.81 kHz, Q 7.44
     """
-    length, width = _sizes(cantilever, length_um, width_um)
+    length, width = _sizes(cantilever, plan_um)
     checks.instance("fluid", fluid, Fluid)
     n = checks.count("modes", modes, 1, MOST_MODES)
     gap = None if gap_um is None else checks.positive("gap_um", gap_um, "um") / width
@@ -193,7 +192,7 @@ def fluid_modes(
         beam -= around * float(hydrodynamic_function(there).real)
         if not beam > 0.0:
             hint = "the fluid that moves along would be heavier than the beam"
-            raise InputError("measured_in", measured_in, "a fluid that suits k, f0, length_um and width_um", hint)
+            raise InputError("measured_in", measured_in, "a fluid that suits k, f0 and plan_um", hint)
         vacuum *= math.sqrt(4.0 * cantilever.mass / beam)
     b = wavenumbers(n)
     _warn_of_short_waves(b, width / length)
@@ -208,11 +207,9 @@ def immersed(
     *,
     R_nm: float,
     tilt_deg: float = 0.0,
-    length_um: float | None = None,
-    width_um: float | None = None,
+    plan_um: tuple[float, float] | None = None,
     gap_um: float | None = None,
     measured_in: Fluid | None = None,
-    check: bool = True,
 ) -> Probe:
     """Return the probe that a uniform rectangular cantilever is in a fluid.
 
@@ -231,10 +228,8 @@ def immersed(
         Radius of the tip, in nm.
     tilt_deg : float, optional
         As `Probe.from_cantilever` takes it; the fluid's load is that of a beam parallel to the wall.
-    length_um, width_um, gap_um, measured_in : optional
+    plan_um, gap_um, measured_in : optional
         As for `fluid_modes`.
-    check : bool, optional
-        Whether implausible values are refused.
 
     Returns
     -------
@@ -249,36 +244,31 @@ def immersed(
     --------
     >>> lever = Cantilever.from_measured(k=0.1, f0=38e3, Q=60.0)
     >>> air, water = Fluid.air(), Fluid.water()
-    >>> probe = immersed(lever, water, R_nm=10.0, length_um=60.0, width_um=25.0, measured_in=air)
+    >>> probe = immersed(lever, water, R_nm=10.0, plan_um=(60.0, 25.0), measured_in=air)
     >>> print(f"{probe.f0_kHz[0]:.2f} kHz, Q {probe.Q[0]:.2f}, {probe.k_N_m[0]:.1f} N/m")
     13.09 kHz, Q 2.51, 0.1 N/m
     """
-    found = fluid_modes(
-        cantilever, fluid, modes, length_um=length_um, width_um=width_um, gap_um=gap_um, measured_in=measured_in
-    )
-    dry = Probe.from_cantilever(
-        cantilever, R_nm=R_nm, modes=modes, Q=[1.0] * len(found), tilt_deg=tilt_deg, check=check
-    )
-    return replace(dry, f0_kHz=[one.f0_kHz for one in found], Q=[one.Q for one in found], check=check)
+    found = fluid_modes(cantilever, fluid, modes, plan_um=plan_um, gap_um=gap_um, measured_in=measured_in)
+    dry = Probe.from_cantilever(cantilever, R_nm=R_nm, modes=modes, Q=[1.0] * len(found), tilt_deg=tilt_deg)
+    return replace(dry, f0_kHz=[one.f0_kHz for one in found], Q=[one.Q for one in found])
 
 
-def _sizes(cantilever: Cantilever, length_um: float | None, width_um: float | None) -> tuple[float, float]:
+def _sizes(cantilever: Cantilever, plan_um: tuple[float, float] | None) -> tuple[float, float]:
     """Return length and width of a cantilever, in um."""
     checks.instance("cantilever", cantilever, Cantilever)
-    given = {"length_um": length_um, "width_um": width_um}
-    own = {"length_um": cantilever.length, "width_um": cantilever.width}
-    sizes = []
-    for name, value in given.items():
-        size = own[name]
-        if size is not None:
-            if value is not None:
-                raise InputError(name, value, "left out", "a beam given by geometry has its own")
-            sizes.append(size * 1e6)
-        elif value is None:
-            raise InputError(name, value, "given for a measured cantilever", "the fluid's load goes by its plan view")
-        else:
-            sizes.append(checked(name, value))
-    return sizes[0], sizes[1]
+    if cantilever.length is not None and cantilever.width is not None:
+        if plan_um is not None:
+            raise InputError("plan_um", plan_um, "left out", "a beam given by geometry has its own")
+        return cantilever.length * 1e6, cantilever.width * 1e6
+    if plan_um is None:
+        raise InputError(
+            "plan_um", plan_um, "given for a measured cantilever", "the fluid's load goes by its plan view"
+        )
+    allowed = "length and width, in um"
+    if len(sizes := checks.listed("plan_um", plan_um, allowed, most=2)) != 2:
+        raise InputError("plan_um", plan_um, allowed)
+    length, width = sizes
+    return checked("length_um", length), checked("width_um", width)
 
 
 def _around(fluid: Fluid, length: float, width: float) -> float:
