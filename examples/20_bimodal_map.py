@@ -1,15 +1,14 @@
 """A bimodal map: modulus, viscosity and distance from noisy readings of two modes.
 
-python 20_bimodal_map.py [picture]
+    python 20_bimodal_map.py [picture]
 """
 
 import sys
+from pathlib import Path
 
 import numpy as np
 
 from saltus import afm
-
-picture = sys.argv[1] if len(sys.argv) > 1 else "bimodal_map.png"
 
 probe = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=(70.0, 440.0), Q=(150.0, 450.0), R_nm=10.0)
 law = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0)
@@ -22,4 +21,7 @@ random = np.random.default_rng(1)
 noisy = {name: seen[name] + error * random.standard_normal(seen.shape) for name, error in errors.items()}
 found = afm.bimodal_map(noisy, probe, law, modes, sigma=errors)
 print(found)
+picture = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "results" / "20_bimodal_map.png")
+picture.parent.mkdir(parents=True, exist_ok=True)
 found.plot(("E_GPa", "eta_Pa_s", "Zc_nm"))[0].figure.savefig(picture, dpi=90)
+print("written", picture)

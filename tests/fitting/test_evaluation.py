@@ -140,7 +140,7 @@ def test_a_datum_beyond_a_fold_is_compared_with_the_last_orbits_of_its_sheet(fol
     moved = end.sensitivity(["A"])["w"].to_numpy()[0]
     assert moved > 0.1  # more force, a higher fold
     # the share of the other end in the place is 1e-5 of the sheet's length
-    assert whole == pytest.approx((alone[0] + alone[1] * moved) / 0.01, rel=1e-3)
+    assert whole == pytest.approx((alone[0] + alone[-1] * moved) / 0.01, rel=1e-3)
 
 
 def test_beyond_the_branch_itself_there_is_no_sheet(linear):

@@ -141,7 +141,8 @@ def test_a_curve_of_jpk_goes_through_its_conversions(tmp_path, shared):
 
 def test_a_curve_of_jpk_is_what_afmformats_has(tmp_path):
     """The package wants stiffness and sensitivity in each file, and knows force and height only."""
-    reading = pytest.importorskip("afmformats.formats.fmt_jpk.jpk_data")
+    from afmformats.formats.fmt_jpk import jpk_data as reading
+
     stored = {"vDeflection": np.arange(-40, 60), "height": np.arange(100) * 7}
     channels = {
         "vDeflection": (1e-4, 0.5, (("distance", 5e-8, "m"), ("force", 0.04, "N")), "force"),
@@ -196,7 +197,8 @@ def test_graphs_and_spectra_of_gwyddion_are_columns(tmp_path):
 
 
 def test_a_graph_that_gwyfile_wrote_is_read(tmp_path):
-    objects = pytest.importorskip("gwyfile.objects")
+    from gwyfile import objects
+
     x, y = np.linspace(0.0, 1e-7, 5), np.arange(5) * 1e-9
     curve = objects.GwyObject("GwyGraphCurveModel", {"description": "down", "xdata": x, "ydata": y})
     units = {name: objects.GwySIUnit(unitstr="m") for name in ("x_unit", "y_unit")}

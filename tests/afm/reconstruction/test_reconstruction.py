@@ -60,9 +60,9 @@ def averaged(law, nearest, A):
     """Data of a stiff lever: Giessibl's average of a law's force on the way in, by many angles."""
     angles = (np.arange(4000) + 0.5) * np.pi / 4000
     gaps = nearest[:, None] + A * (1.0 + np.cos(angles))
-    contact = law.force_nN(gaps, "contact", R_nm=12.0) if len(law.regions) > 1 else 0.0
-    far = law.force_nN(gaps, next(iter(law.regions)), R_nm=12.0)
-    force = np.where(gaps < 0.3, contact, far) if len(law.regions) > 1 else far
+    force = law.force_nN(gaps if len(law.regions) == 1 else np.maximum(gaps, 0.3), next(iter(law.regions)), R_nm=12.0)
+    if len(law.regions) > 1:
+        force = np.where(gaps < 0.3, law.force_nN(np.minimum(gaps, 0.3), "contact", R_nm=12.0), force)
     shift = -300e3 * (force * np.cos(angles)).mean(axis=1) / (26e3 * A)
     return {"Zc_nm": nearest + A, "shift_Hz": shift, "deflection_pm": 0.0 * nearest}
 

@@ -10,12 +10,11 @@ from saltus.afm.laws.common_regions import product, shared_parameters
 from saltus.afm.laws.prescribed import energy_per_cycle_eV, force_nN
 from saltus.afm.laws.regions import Crossing, Region
 from saltus.afm.laws.table_fit import fitted_table
-from saltus.afm.probe.units import checked, known_names
+from saltus.afm.probe.named_arguments import NamedArguments
+from saltus.afm.probe.units import checked
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
-    from typing import Self
-
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
@@ -26,7 +25,7 @@ _RADIUS = 10.0  # nm; radius of the tip by which gaps are ordered where no law o
 
 
 @dataclass(frozen=True, kw_only=True)
-class Law:
+class Law(NamedArguments):
     """Base of all laws; `+` adds laws.
 
     A law of one's own is a frozen dataclass: its fields are the parameters, and `regions` has its formulas, the
@@ -82,11 +81,6 @@ class Law:
     own: ClassVar[tuple[str, ...]] = ()  # parameters that another law of a sum may have with another meaning
 
     check: InitVar[bool] = True
-
-    def __new__(cls, *_: object, **given: object) -> Self:
-        """Return a law without values, once the names of the arguments are known."""
-        known_names(cls, given)
-        return super().__new__(cls)
 
     def __post_init__(self, check: bool) -> None:
         checks.flag("check", check)

@@ -8,12 +8,13 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from saltus import checks
+from saltus.afm.probe.named_arguments import NamedArguments
 from saltus.afm.probe.probe import MOST_MODES
-from saltus.afm.probe.units import checked, known_names
+from saltus.afm.probe.units import checked
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
-    from typing import Self
+    pass
 
 __all__ = ["Drive", "Drives"]
 
@@ -24,7 +25,7 @@ _FLUIDS = ("moves", "rests")  # what the fluid does about a shaken base
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(NamedArguments):
     """One harmonic drive, ``cos`` of its phase: of one mode by a force, of the tip by a force, or of the base.
 
     Parameters
@@ -81,11 +82,6 @@ class Drive:
     fluid: str = "moves"
     repeats: bool = field(default=True, init=False)
     check: InitVar[bool] = True
-
-    def __new__(cls, *_: object, **given: object) -> Self:
-        """Return a drive without values, once the names of the arguments are known."""
-        known_names(cls, given)
-        return super().__new__(cls)
 
     def __post_init__(self, check: bool) -> None:
         checks.flag("check", check)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from saltus import checks
 from saltus.afm.probe.cantilever import Cantilever
+from saltus.afm.probe.named_arguments import NamedArguments
 from saltus.afm.probe.tip_mass import modes_with_mass
-from saltus.afm.probe.units import Quantity, check_lever, checked, known_names
+from saltus.afm.probe.units import Quantity, check_lever, checked
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ _BEAM = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Probe:
+class Probe(NamedArguments):
     """A cantilever with its tip: one oscillator a mode, whose displacements at the tip add up.
 
     Parameters
@@ -83,11 +84,6 @@ class Probe:
     optical_weights: Sequence[float] | None = None
     base_weights: Sequence[float] | None = None
     check: InitVar[bool] = True
-
-    def __new__(cls, *_: object, **given: object) -> Self:
-        """Return a probe without values, once the names of the arguments are known."""
-        known_names(cls, given)
-        return super().__new__(cls)
 
     def __post_init__(self, check: bool) -> None:
         checks.flag("check", check)

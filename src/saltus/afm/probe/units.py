@@ -6,14 +6,13 @@ Pa s (1e-3 nN us/nm**2) bring factors, which the formulas contain.
 
 from __future__ import annotations
 
-import inspect
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from saltus import checks
-from saltus.errors import InputError, nearest
+from saltus.errors import InputError
 
 __all__ = [
     "ENERGY_EV",
@@ -23,7 +22,6 @@ __all__ = [
     "check_drive_frequency",
     "check_lever",
     "checked",
-    "known_names",
     "quantity_of",
     "suffix",
 ]
@@ -308,28 +306,6 @@ def _turns_with(f_kHz: float, f0_kHz: Sequence[float]) -> bool:
 
 def _listed(values: Sequence[float]) -> str:
     return ", ".join(f"{value:g}" for value in values)
-
-
-def known_names(kind: type[object], given: Iterable[str]) -> None:
-    """Raise `InputError` where a class takes no argument of a name; the hint has the nearest one.
-
-    Examples
-    --------
-    >>> from saltus import afm
-    >>> afm.Probe(k=3.0)
-    Traceback (most recent call last):
-        ...
-    saltus.errors.InputError: argument of Probe = 'k': must be one of k_N_m, ...; did you mean 'k_N_m'?
-    """
-    own = [one for name, one in inspect.signature(kind.__init__).parameters.items() if name != "self"]
-    if any(one.kind is one.VAR_KEYWORD for one in own):
-        return
-    known = tuple(one.name for one in own if one.kind is not one.VAR_POSITIONAL)
-    for name in given:
-        if name not in known:
-            begun = [one for one in known if one.startswith(f"{name}_")]
-            hint = f"did you mean {begun[0]!r}?" if begun else nearest(name, known)
-            raise InputError(f"argument of {kind.__name__}", name, f"one of {', '.join(known)}", hint)
 
 
 def _within(quantity: Quantity, number: float) -> bool:
