@@ -1,6 +1,6 @@
 """A bimodal map: modulus, viscosity and distance from noisy readings of two modes.
 
-    python 20_bimodal_map.py [picture]
+python 20_bimodal_map.py [picture]
 """
 
 import sys
