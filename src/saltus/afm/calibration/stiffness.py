@@ -49,8 +49,8 @@ def sader_stiffness(
     Raises
     ------
     InputError
-        A value that is not allowed or, with `check`, not plausible, as a beam wider than long; a Reynolds number outside
-        1e-6 to 1e4.
+        A value that is not allowed or, with `check`, not plausible, as a beam wider than long; a Reynolds number
+        outside 1e-6 to 1e4.
 
     References
     ----------
