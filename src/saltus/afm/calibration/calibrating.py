@@ -115,7 +115,7 @@ def calibrate(
     spectrum : path-like, pandas.DataFrame, xarray.Dataset or mapping of str to array
         A file that `saltus.afm.read_spectrum` reads, or columns as it returns: one-sided densities.
     T_K : float or (float, float), optional
-        Temperature, in K.
+        Temperature, in K: 60 to 500, unless `check` of the options is False.
     length_um, width_um : float or (float, float), optional
         The beam's length and width, in um.
     fluid : Fluid, optional
