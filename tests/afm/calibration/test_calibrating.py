@@ -133,6 +133,8 @@ def test_a_picture_shows_spectrum_and_fit(in_volts):
     assert axes.get_ylabel() == "power spectral density (V$^2$/Hz)"
     assert any("kHz, Q" in line.get_label() for line in axes.lines)
     np.testing.assert_array_equal(in_volts.model(), in_volts.model(in_volts.f_kHz))
+    used = in_volts.f_kHz[in_volts.used]
+    assert used[0] / 2.0 < axes.get_xlim()[0] <= used[0] < used[-1] <= axes.get_xlim()[1] < 2.0 * used[-1]
 
 
 def test_what_disagrees_is_told():
@@ -146,6 +148,22 @@ def test_what_disagrees_is_told():
     assert "more than the errors explain" in repr(found)
 
 
+def test_bins_that_are_not_of_one_oscillator_are_told():
+    f = np.linspace(0.05, 200.0, 4000)
+    noise = np.random.default_rng(2).gamma(50, size=f.size) / 50
+    peak = oscillator(f, np.array([60.0, 150.0, 1e-3, 1e-9]))
+    both = {"f_kHz": f, "psd_nm2_Hz": (peak + oscillator(f, np.array([110.0, 200.0, 1e-3, 0.0]))) * noise}
+    told = "not those of one oscillator"
+    assert any(told in note for note in afm.calibrate(both).notes)  # the fit is one broad peak, with a Q of 1.6
+    alone = afm.calibrate(both, options=afm.CalibrationOptions(range_kHz=(45.0, 80.0)))
+    assert abs(alone["Q"] - 150.0) < 3.0 * alone.errors["Q"]
+    water = oscillator(f, np.array([12.0, 2.0, 1e-3, 1e-8]))
+    sloped = {"f_kHz": f, "psd_nm2_Hz": (water + 3e-7 / f) * noise}
+    assert any(told in note for note in afm.calibrate(sloped).notes)  # Q is 1.41
+    for data in ({"f_kHz": f, "psd_nm2_Hz": peak * noise}, {"f_kHz": f, "psd_nm2_Hz": water * noise}):
+        assert not any(told in note for note in afm.calibrate(data).notes)
+
+
 def test_what_does_not_go_together_is_refused():
     data = spectrum(8, "psd_nm2_Hz")
     with pytest.raises(InputError, match="length_um, width_um and fluid together"):
@@ -156,6 +174,10 @@ def test_what_does_not_go_together_is_refused():
         afm.calibrate(data, options=afm.CalibrationOptions(method="sader"))
     with pytest.raises(InputError, match="in m\\? then it is 240 um"):
         afm.calibrate(data, length_um=240e-6, width_um=35.0, fluid=AIR)
+    with pytest.raises(InputError, match="are both swapped"):
+        afm.calibrate(data, length_um=35.0, width_um=240.0, fluid=AIR)
+    with pytest.raises(InputError, match="T_K = 22.0: .* in degrees C"):
+        afm.calibrate(data, T_K=22.0)
     with pytest.raises(InputError, match="T_K"):
         afm.calibrate(data, T_K=-3.0)
     with pytest.raises(InputError, match="error of T_K = 400.0: must be below the value 300"):

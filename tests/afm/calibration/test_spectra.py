@@ -64,3 +64,10 @@ def test_what_is_no_spectrum_is_refused(tmp_path):
         afm.read_spectrum(tmp_path / "bytes.csv")
     with pytest.raises(InputError, match="a table with columns"):
         afm.calibrate(3.0)
+
+
+def test_decimal_commas_are_refused_and_shift_no_column(tmp_path):
+    file = tmp_path / "thermal.csv"
+    file.write_text("f_kHz,psd_nm2_Hz\n" + "".join(f"{i},5,{i},7\n" for i in range(1, 40)))
+    with pytest.raises(InputError, match="more cells than the header: commas in numbers"):
+        afm.read_spectrum(file)

@@ -55,5 +55,7 @@ def test_slips_are_named():
         afm.sader_stiffness(173.6e3, 55.5, length_um=397.0, width_um=29.0, fluid=AIR)
     with pytest.raises(InputError, match="in m\\? then it is 397 um"):
         afm.sader_stiffness(17.36, 55.5, length_um=397e-6, width_um=29.0, fluid=AIR)
+    with pytest.raises(InputError, match="at most the length of 29 um; are both swapped"):
+        afm.sader_stiffness(17.36, 55.5, length_um=29.0, width_um=397.0, fluid=AIR)
     with pytest.raises(InputError, match="fluid"):
         afm.sader_stiffness(17.36, 55.5, length_um=397.0, width_um=29.0, fluid=1.18)

@@ -95,3 +95,13 @@ def test_what_is_no_curve_is_told(tmp_path, text):
 def test_a_missing_file_is_told(tmp_path):
     with pytest.raises(InputError, match=r"path = .*nowhere\.csv.*No such file"):
         afm.read_curve(tmp_path / "nowhere.csv")
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [("10,2,\n11,3,\n", "more cells than the header"), ("1,5,2,5\n", "commas in numbers"), ("", "it has no rows")],
+)
+def test_rows_that_do_not_fit_the_header_are_refused_and_shift_no_column(tmp_path, rows, told):
+    (tmp_path / "curve.csv").write_text("Zc_nm,amplitude_nm\n" + rows)
+    with pytest.raises(InputError, match=told):
+        afm.read_curve(tmp_path / "curve.csv")

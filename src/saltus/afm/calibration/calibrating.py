@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from saltus import checks
 from saltus.afm.calibration.calibration import Calibration, values_with_errors
 from saltus.afm.calibration.spectra import read_spectrum, spectrum_of
-from saltus.afm.calibration.stiffness import BOLTZMANN_AJ_K, modal_over_static, optical_chi, sader_stiffness
+from saltus.afm.calibration.stiffness import (
+    BOLTZMANN_AJ_K,
+    check_plan,
+    modal_over_static,
+    optical_chi,
+    sader_stiffness,
+)
 from saltus.afm.calibration.thermal import Peak, fitted_peak
 from saltus.afm.probe.fluid import Fluid
 from saltus.afm.probe.probe import MOST_MODES
@@ -109,7 +115,7 @@ def calibrate(
     spectrum : path-like, pandas.DataFrame, xarray.Dataset or mapping of str to array
         A file that `saltus.afm.read_spectrum` reads, or columns as it returns: one-sided densities.
     T_K : float or (float, float), optional
-        Temperature, in K.
+        Temperature, in K: 60 to 500, unless `check` of the options is False.
     length_um, width_um : float or (float, float), optional
         The beam's length and width, in um.
     fluid : Fluid, optional
@@ -163,6 +169,8 @@ def calibrate(
         },
     )  # fmt: skip
     _check_together(given, fluid, unit, method)
+    if check and fluid is not None:
+        check_plan(given["length_um"][0], given["width_um"][0])
     peak = fitted_peak(f, psd, options.averages, options.range_kHz)
     known = dict(zip(("f0_kHz", "Q", "variance", "white"), peak.values.tolist(), strict=True))
     checked("f0_kHz", known["f0_kHz"], plausible=check)
@@ -284,6 +292,8 @@ def _notes(
     notes = []
     if peak.wild:
         notes.append(f"{peak.wild} bins are lines or spikes that the noise does not explain, and were left out")
+    if peak.misfit > 1.0:
+        notes.append("the bins are not those of one oscillator and white noise: give a range_kHz with the peak alone")
     width = found["f0_kHz"] / found["Q"] / float(np.median(np.diff(f[peak.used])))
     if width < _FEW:
         notes.append(f"the peak is {width:.2g} bins wide: a window would widen it, and Q would be too small")

@@ -75,6 +75,8 @@ def read_spectrum(
         if file.stat().st_size > _LARGEST_FILE:
             raise InputError("path", str(file), f"a file of at most {_LARGEST_FILE:g} bytes")
         table = pd.read_csv(file, comment="#", skipinitialspace=True)
+        if not isinstance(table.index, pd.RangeIndex):  # cells without a name would be an index, and shift all others
+            raise ValueError("rows have more cells than the header: commas in numbers, or at the ends of rows?")
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise

@@ -11,6 +11,7 @@ from saltus.afm.probe.hydrodynamic import hydrodynamic_function
 from saltus.afm.probe.probe import MOST_MODES
 from saltus.afm.probe.tip_mass import modes_with_mass
 from saltus.afm.probe.units import checked
+from saltus.errors import InputError
 
 __all__ = ["BOLTZMANN_AJ_K", "modal_over_static", "optical_chi", "sader_stiffness"]
 
@@ -48,7 +49,8 @@ def sader_stiffness(
     Raises
     ------
     InputError
-        A value that is not allowed or, with `check`, not plausible; a Reynolds number outside 1e-6 to 1e4.
+        A value that is not allowed or, with `check`, not plausible, as a beam wider than long; a Reynolds number
+        outside 1e-6 to 1e4.
 
     References
     ----------
@@ -64,12 +66,20 @@ def sader_stiffness(
     f0, quality = checked("f0_kHz", f0_kHz, plausible=check), checked("Q", Q, plausible=check)
     length = checked("length_um", length_um, plausible=check) * 1e-6
     width = checked("width_um", width_um, plausible=check)
+    if check:
+        check_plan(length_um, width_um)
     checks.instance("fluid", fluid, Fluid)
     b = float(wavenumbers(checks.count("mode", mode, 1, MOST_MODES))[-1])
     drag = float(hydrodynamic_function(fluid.reynolds(f0, width)).imag)
     omega = math.tau * f0 * 1e3
     moved = 0.25 * math.pi * fluid.density_kg_m3 * (width * 1e-6) ** 2 * length
     return 3.0 / b**4 * moved * quality * drag * omega * omega
+
+
+def check_plan(length_um: float, width_um: float) -> None:
+    """Raise `InputError` where a beam is wider than long."""
+    if width_um > length_um:
+        raise InputError("width_um", width_um, f"at most the length of {length_um:g} um", "are both swapped?")
 
 
 def modal_over_static(mode: int = 1) -> float:

@@ -42,6 +42,9 @@ _PALE = 0.3  # white noise over such a low bin at a start, at least
 _LOST = 1e-9  # white noise over the least of the spectrum below which there is none
 _MOST = 60  # steps of a search, at most; 5 to 20 reach rounding where there is a peak
 _REACH = 3  # bins over which residuals may be correlated
+_GROUPS = (6, 24)  # groups of neighbouring bins that a fit is held against
+_GROUP = 20  # bins in a group, at least
+_MISFIT = 1e-4  # chance of a misfit that is told
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ class Peak:
     averages: float  # spectra that were averaged, told by the scatter or given
     scatter: float  # variance of the bins over that of so many averages
     gain: float  # gain of the likelihood by the peak, over a smooth spectrum, in units of chi2
+    misfit: float  # chi2 of the means of groups of bins, over what noise has in one of 10 000 spectra; 0 with few bins
 
 
 def oscillator(f: Real, values: Real) -> Real:
@@ -132,7 +136,7 @@ def fitted_peak(f: Real, psd: Real, averages: float | None, span: tuple[float, f
     gain = shape / alike * (_smooth_deviance(f[used], psd[used]) - _deviance(psd[used], oscillator(f[used], values)))
     _check_peak(f[used], values, gain)
     covariance = _covariance(f[used], values) * alike / shape
-    return Peak(values, covariance, used, int((inside & ~used).sum()), shape, scatter * shape, gain)
+    return Peak(values, covariance, used, int((inside & ~used).sum()), shape, scatter * shape, gain, _misfit(ratio))
 
 
 def _around(f: Real, values: Real) -> NDArray[np.bool_]:
@@ -316,3 +320,17 @@ def _correlation(ratio: Real) -> float:
     lags = [float(excess[:-lag] @ excess[lag:]) / size for lag in range(1, _REACH + 1)]
     noise = 3.0 / np.sqrt(len(ratio))
     return 1.0 + 2.0 * sum(lag for lag in lags if lag > noise)
+
+
+def _misfit(ratio: Real) -> float:
+    """Return chi2 of the means of groups of neighbouring bins over the greatest that noise has; 0 with few bins."""
+    from scipy.stats import chi2
+
+    count = min(_GROUPS[1], len(ratio) // _GROUP)
+    if count < _GROUPS[0]:
+        return 0.0
+    groups = np.array_split(ratio, count)
+    within = np.concatenate([one - one.mean() for one in groups])
+    variance = float(within @ within) / (len(ratio) - count) * _correlation(within + 1.0)
+    found = sum(len(one) * float(one.mean() - 1.0) ** 2 for one in groups) / variance
+    return found / float(chi2.isf(_MISFIT, count))

@@ -145,6 +145,10 @@ def _cells(path: Path) -> pd.DataFrame:
         if (size := path.stat().st_size) > _TEXT:
             raise ValueError(f"it has {size:,} bytes, more than {_TEXT:,}")
         table = pd.read_csv(path, comment="#", skipinitialspace=True, dtype=str, keep_default_na=False)
+        if not isinstance(table.index, pd.RangeIndex):  # cells without a name would be an index, and shift all others
+            raise ValueError("rows have more cells than the header: commas in numbers, or at the ends of rows?")
+        if table.empty:
+            raise ValueError("it has no rows")
     except (OSError, ValueError) as error:
         told = getattr(error, "strerror", None) or str(error)
         raise InputError("path", str(path), "a CSV file that can be read", told) from error

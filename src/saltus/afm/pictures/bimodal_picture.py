@@ -94,6 +94,7 @@ def _draw_image(panel: Axes, result: BimodalMap, name: str) -> None:
     panel.figure.colorbar(image, ax=panel, label=_label(name))
     panel.set_xlabel("column")
     panel.set_ylabel("row")
+    panel.locator_params(integer=True)
 
 
 def _draw_line(panel: Axes, result: BimodalMap, name: str) -> None:

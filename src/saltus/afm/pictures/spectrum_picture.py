@@ -16,13 +16,15 @@ if TYPE_CHECKING:
 __all__ = ["plot_spectrum"]
 
 _POINTS = 2000  # points of the fitted line
+_BESIDE = 1.5  # frequencies shown beside the fitted ones, as a factor
+_BROAD = 5.0  # ratio of fitted frequencies beyond which their axis is logarithmic
 
 
 @plot.register(Calibration)
 def plot_spectrum(calibration: Calibration, *, ax: Axes | None = None) -> Axes:
     """Draw a thermal spectrum and the fitted oscillator and return the matplotlib Axes.
 
-    Bins that were not fitted are pale. The dashed line is the white noise.
+    Bins that were not fitted are pale, and shown beside the fitted ones only. The dashed line is the white noise.
 
     Parameters
     ----------
@@ -48,8 +50,10 @@ def plot_spectrum(calibration: Calibration, *, ax: Axes | None = None) -> Axes:
     ax.axhline(calibration["white"], color="C3", linestyle="--", linewidth=1.0, label="white noise")
     ax.set(
         xlabel="frequency (kHz)", ylabel=f"power spectral density ({_unit(calibration.unit)})", yscale="log",
-        xscale="log" if f[-1] > 20.0 * f[0] else "linear",
+        xlim=(max(f[0], f[used].min() / _BESIDE), min(f[-1], f[used].max() * _BESIDE)),
     )  # fmt: skip
+    if line[-1] > _BROAD * line[0]:
+        ax.set_xscale("log")
     style.draw_legend(ax)
     return ax
 

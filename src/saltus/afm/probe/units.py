@@ -74,6 +74,7 @@ class Quantity(NamedTuple):
 
 
 _OVERDAMPED = "below 0.5 a lever creeps back to rest and does not swing; in water Q is 1 to 5"
+_COLD = "in degrees C? then add 273.15"
 
 QUANTITIES = {
     "k_N_m": Quantity("N/m", 1e-3, 1e4, "+"),
@@ -128,7 +129,7 @@ QUANTITIES = {
     "viscosity_Pa_s": Quantity("Pa s", 1e-6, 10.0, "+"),
     "length_um": Quantity("um", 5.0, 2e3, "+"),
     "width_um": Quantity("um", 1.0, 5e2, "+"),
-    "T_K": Quantity("K", 4.0, 500.0, "+"),
+    "T_K": Quantity("K", 60.0, 500.0, "+", _COLD),
     "invols_nm_V": Quantity("nm/V", 0.1, 1e5, "+"),
 }
 
