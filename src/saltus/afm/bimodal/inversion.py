@@ -107,11 +107,13 @@ def bimodal_map(
     >>> from saltus import afm
     >>> probe = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=(70.0, 440.0), Q=(150.0, 450.0), R_nm=10.0)
     >>> law, modes = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0), (afm.AM(A0_nm=30.0), afm.FM(A_nm=0.5))
-    >>> seen = {"amplitude_nm": 25.0, "lag_deg": 57.0, "shift_Hz_2": 900.0, "excitation_nm_2": 0.515}
+    >>> sample, set_point = {"E_GPa": 2.0, "eta_Pa_s": 15.0}, afm.AM(A0_nm=30.0, setpoint_nm=25.0)
+    >>> seen = afm.bimodal(probe, law, (set_point, modes[1]), parameters=sample)
+    >>> readings = {name: seen[name] for name in ("amplitude_nm", "lag_deg", "shift_Hz_2", "excitation_nm_2")}
     >>> errors = {"lag_deg": 0.1, "shift_Hz_2": 2.0, "excitation_nm_2": 0.005}
-    >>> found = bimodal_map(seen, probe, law, modes, sigma=errors)
+    >>> found = bimodal_map(readings, probe, law, modes, sigma=errors)
     >>> print(f"{found['E_GPa']:.3f} +- {found.sigma['E_GPa']:.3f} GPa, chi2 {found.chi2:.2f}")
-    2.272 +- 0.036 GPa, chi2 14.28
+    2.000 +- 0.034 GPa, chi2 0.00
     """
     checks.flag("check", check)
     with np.errstate(all="ignore"):  # formulas have poles beyond their domain, and what is not finite is left out
