@@ -69,6 +69,15 @@ def test_noise_is_covered_by_the_standard_errors():
     assert found.chi2.mean() == pytest.approx(found.freedom, abs=0.25)
 
 
+def test_a_large_error_of_a_lag_is_covered_where_other_readings_are_exact():
+    E, sigma = np.linspace(0.5, 3.0, 100), {"lag_deg": 3.0, "shift_Hz_2": 50.0}
+    seen = read(afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_GPa": E}))
+    random = np.random.default_rng(3)
+    noisy = {name: seen[name] + sigma.get(name, 0.0) * random.standard_normal(100) for name in seen}
+    found = afm.bimodal_map(noisy, PROBE, VISCOUS, AM_FM, unknowns=("E_GPa",), sigma=sigma)
+    assert np.sqrt(np.mean(((found["E_GPa"] - E) / found.sigma["E_GPa"]) ** 2)) < 1.5
+
+
 def test_derivatives_are_differences_of_both_ways():
     seen = afm.bimodal(PROBE, SPHERE, AM_FM, parameters={"E_GPa": [2.0, 2.001, 1.999]})
     slope = (seen["shift_Hz_2"][1] - seen["shift_Hz_2"][2]) / 0.002
