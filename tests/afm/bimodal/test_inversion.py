@@ -47,6 +47,16 @@ def test_the_hamaker_constant_comes_back_beside_modulus_and_viscosity():
     assert np.abs(found["eta_Pa_s"] - 20.0).max() < 1e-5
 
 
+@pytest.mark.parametrize("unknowns", [("E_GPa", "eta_Pa_s"), ("E_GPa",)], ids=len)
+def test_a_map_comes_back_where_some_readings_are_exact_and_others_have_errors(unknowns):
+    E = np.linspace(0.5, 3.0, 8)
+    seen = afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_GPa": E})
+    for sigma in ({"lag_deg": 0.1, "shift_Hz_2": 2.0, "excitation_nm_2": 0.005}, {"shift_Hz_2": 20.0}):
+        found = afm.bimodal_map(read(seen), PROBE, VISCOUS, AM_FM, unknowns=unknowns, sigma=sigma)
+        assert np.abs(found["E_GPa"] / E - 1.0).max() < 1e-7
+        assert found.chi2.max() < 1e-9
+
+
 def test_noise_is_covered_by_the_standard_errors():
     sigma = {"amplitude_nm": 0.02, "lag_deg": 0.1, "shift_Hz_2": 2.0, "excitation_nm_2": 0.005}
     seen = afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_GPa": np.full(400, 1.5), "eta_Pa_s": 20.0})
@@ -57,6 +67,15 @@ def test_noise_is_covered_by_the_standard_errors():
         share = np.mean(np.abs(found[name] - true) < found.sigma[name])
         assert 0.60 < share < 0.76  # 68 % within three standard errors of 400 pixels
     assert found.chi2.mean() == pytest.approx(found.freedom, abs=0.25)
+
+
+def test_a_large_error_of_a_lag_is_covered_where_other_readings_are_exact():
+    E, sigma = np.linspace(0.5, 3.0, 100), {"lag_deg": 3.0, "shift_Hz_2": 50.0}
+    seen = read(afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_GPa": E}))
+    random = np.random.default_rng(3)
+    noisy = {name: seen[name] + sigma.get(name, 0.0) * random.standard_normal(100) for name in seen}
+    found = afm.bimodal_map(noisy, PROBE, VISCOUS, AM_FM, unknowns=("E_GPa",), sigma=sigma)
+    assert np.sqrt(np.mean(((found["E_GPa"] - E) / found.sigma["E_GPa"]) ** 2)) < 1.5
 
 
 def test_derivatives_are_differences_of_both_ways():

@@ -62,6 +62,10 @@ def test_a_model_has_a_state_for_each_arm_and_keeps_its_law():
 def test_arms_that_are_none_are_refused():
     with pytest.raises(InputError, match="k2_N_m = 2.0: must be a sequence with one value for each arm"):
         afm.GeneralisedMaxwell(k1_N_m=1.0, k2_N_m=2.0, c_uNs_m=(1.0,))
+    with pytest.raises(InputError, match="k2_N_m = {2.0, 3.0}: must be a sequence"):
+        afm.GeneralisedMaxwell(k1_N_m=1.0, k2_N_m={2.0, 3.0}, c_uNs_m=(1.0, 2.0))
+    with pytest.raises(InputError, match=r"k2_N_m = \(\): must be a sequence with one value for each arm"):
+        afm.GeneralisedMaxwell(k1_N_m=1.0, k2_N_m=(), c_uNs_m=())
     with pytest.raises(InputError, match="one value for each of the 2 springs"):
         afm.GeneralisedMaxwell(k1_N_m=1.0, k2_N_m=(2.0, 3.0), c_uNs_m=(1.0,))
     with pytest.raises(InputError, match="c_uNs_m"):

@@ -49,6 +49,24 @@ def test_the_force_falls_with_the_distance_squared_beyond_the_table(bent):
     assert far[0] / far[1] == pytest.approx(4.0, rel=1e-2)
 
 
+@pytest.mark.parametrize(
+    "force",
+    [
+        lambda D: np.exp(-D / 2.0),
+        lambda D: np.exp(-D / 0.3),
+        lambda D: np.exp(-D / 0.5) * np.cos(2.0 * np.pi * D),
+        lambda D: np.maximum(3.0 - D, 0.0) ** 1.5,
+    ],
+    ids=["slow", "fast", "layers", "contact"],
+)
+def test_no_force_comes_up_beyond_a_table(force):
+    D = np.linspace(0.3, 6.0, 80)
+    law = afm.Law.tabulated(D, force(D))
+    beyond = D[-1] * np.geomspace(1.01, 1e4, 200)
+    wanted = force(D[-1]) * (D[-1] / beyond) ** 2
+    np.testing.assert_allclose(law.force_nN(beyond), wanted, atol=2.5 * law.misfit * np.abs(force(D)).max())
+
+
 def test_a_gap_in_a_table_is_not_filled_by_waves():
     D = np.concatenate([np.linspace(-0.8, -0.5, 20), np.linspace(0.2, 4.0, 30)])
     F = CONTACT.force_nN(D, R_nm=12.0)
@@ -79,6 +97,7 @@ def test_wrong_tables_are_told():
         ((D, -1.0 / D[1:]), r"F_nN = \[29\]: must be one number for each of 30 gaps"),
         ((D, -1.0 / D, [0.1]), r"sigma_nN = \[1\]"),
         ((D[:5], -1.0 / D[:5]), "D_nm = 5: must be 8 gaps or more"),
+        ((1e-9 * D, -1.0 / D), r"D_nm = .*: must be gaps that span 0.001 nm or more; in m\? then 4.7 nm"),
         ((D, 0.0 * D), "a force that is not 0"),
         ((D, rough), r"F_nN = 0.\d+: must be a table that formulas fit to 0.05 of its peak"),
         ((D, [*(-1.0 / D[1:]), np.nan]), r"F_nN\[29\] = nan"),

@@ -133,6 +133,23 @@ def test_a_force_survives_its_file_and_is_drawn(contact, tmp_path):
     assert f"ReconstructedForce by matrix of {len(contact.shift)} data" in repr(contact)
 
 
+def test_wrong_data_are_told():
+    data = averaged(CONTACT, np.geomspace(0.4, 8.0, 16), 5.0)
+    few = {name: np.repeat(values[[0, 5]], 8) for name, values in data.items()}
+    some = {name: np.repeat(values[:4], 8) for name, values in data.items()}
+    tapping = {"Zc_nm": data["Zc_nm"], "amplitude_nm": np.full(16, 5.0), "lag_deg": np.full(16, 80.0)}
+    for table, options, told in (
+        (few, {"A_nm": 5.0}, "different least gaps = 2: must be 8 or more"),
+        (some, {"A_nm": 5.0}, "different least gaps = 4: must be 8 or more"),
+        (data | {"shift_Hz": data["shift_Hz"] - 4e5}, {"A_nm": 5.0}, "shift_Hz = -4.*: must be above -300000 Hz"),
+        (data, {"A_nm": 5.0, "f_kHz": 200.0}, "f_kHz = 200.0: must be not given with A_nm"),
+        (tapping, {"drive": afm.Drive(A0_nm=5.0, mode=2)}, "mode = 2: must be a mode of the probe, up to 1"),
+    ):
+        with pytest.raises(InputError, match=told):
+            afm.reconstruct_force(table, STIFF, **options)
+
+
+@pytest.mark.filterwarnings("ignore:saltus")
 def test_wrong_fits_are_told(contact):
     for law, vary, options, told in (
         (3, {"H_aJ": (0.1, 1.0)}, {}, "law = 3: must be a Law"),

@@ -42,7 +42,6 @@ _START = 30.0  # factor by which a start may differ from the law's value
 _RIDGE = 1e-10  # added to normal equations whose columns have length 1, for unknowns without influence
 _ROUGH_STEPS = 15  # steps with few nodes, after which starts that have come together are one
 _HOPELESS = 1e4  # chi2 above that of the best with which no start goes on
-_STRAIGHT = 3  # unknowns besides the gap up to which the valleys of least squares are straight enough
 _DEGENERATE = 1e-9  # least singular value over the largest
 
 
@@ -107,11 +106,13 @@ def bimodal_map(
     >>> from saltus import afm
     >>> probe = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=(70.0, 440.0), Q=(150.0, 450.0), R_nm=10.0)
     >>> law, modes = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0), (afm.AM(A0_nm=30.0), afm.FM(A_nm=0.5))
-    >>> seen = {"amplitude_nm": 25.0, "lag_deg": 57.0, "shift_Hz_2": 900.0, "excitation_nm_2": 0.515}
+    >>> sample, set_point = {"E_GPa": 2.0, "eta_Pa_s": 15.0}, afm.AM(A0_nm=30.0, setpoint_nm=25.0)
+    >>> seen = afm.bimodal(probe, law, (set_point, modes[1]), parameters=sample)
+    >>> readings = {name: seen[name] for name in ("amplitude_nm", "lag_deg", "shift_Hz_2", "excitation_nm_2")}
     >>> errors = {"lag_deg": 0.1, "shift_Hz_2": 2.0, "excitation_nm_2": 0.005}
-    >>> found = bimodal_map(seen, probe, law, modes, sigma=errors)
+    >>> found = bimodal_map(readings, probe, law, modes, sigma=errors)
     >>> print(f"{found['E_GPa']:.3f} +- {found.sigma['E_GPa']:.3f} GPa, chi2 {found.chi2:.2f}")
-    2.272 +- 0.036 GPa, chi2 14.28
+    2.000 +- 0.029 GPa, chi2 0.00
     """
     checks.flag("check", check)
     with np.errstate(all="ignore"):  # formulas have poles beyond their domain, and what is not finite is left out
@@ -178,7 +179,6 @@ class _Inversion:
         positive = {name for name, one in signs.items() if name == "E_GPa" or (one is not None and one.sign == "+")}
         self.weighing = Weighing(balance, unknown, sigma, {name for name in positive if q[balance.at[name], 0] > 0.0})
         self.sigma, self.pixels = sigma, q.shape[1]
-        self.curved = len(unknown) - 1 > _STRAIGHT  # all but the gap are solved for again after each step
 
     def starts(self) -> tuple[Floats, NDArray[np.intp]]:
         """Variables at depths where the equations are met best in their surroundings, and which pixel each is of."""
@@ -258,9 +258,8 @@ class _Inversion:
             matrix[:, range(matrix.shape[1]), range(matrix.shape[1])] += damping[active][:, None] ** 2
             down = -(scaled.transpose(0, 2, 1) @ r[..., None])
             steps = np.linalg.solve(matrix, down)[..., 0] / sizes
-            trial = self.weighing.moved(q[:, active], steps.T)
-            if self.curved:
-                trial, _ = self.at_depth(trial, of[active], nodes)
+            # equations that are nearly exact make curved valleys: all but the gap are solved for again
+            trial, _ = self.at_depth(self.weighing.moved(q[:, active], steps.T), of[active], nodes)
             seen = self.weighing.at(trial, of[active], nodes)
             # the weights are those before the step: they are no part of what is made least
             new = np.sum((weights[active] @ seen.plain[..., None])[..., 0] ** 2, axis=1)

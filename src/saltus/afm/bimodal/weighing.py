@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 
 _EXACT = 1e-5  # share of a drive to which its equations are meant, beside known errors
 _ROUGH = 1e-2  # the same where no errors are known
+_LAGS = {"lag_deg": [0, 1], "lag_deg_2": [2, 3]}  # equations that are not straight in an error of a lag
 _ROUNDING = 1e-12  # added to correlations, so that rounding leaves them positive definite
 
 
@@ -47,6 +48,10 @@ class Weighing:
         residual, slopes = balance.residuals(q, balance.means(q, nodes))
         share = _EXACT if self.sigma else _ROUGH
         floor = np.array([share * np.abs(q[balance.at[name]]) for name in _SCALES])
+        for name, rows in _LAGS.items():
+            if name in self.sigma:
+                turned = 0.5 * np.radians(self.sigma[name][pixels]) ** 2 * np.sqrt(3.0)
+                floor[rows] = np.hypot(floor[rows], turned * np.abs(q[[balance.at[_SCALES[i]] for i in rows]]))
         covariance = np.einsum("en,ef->nef", floor**2, np.eye(5))
         for name, sigma in self.sigma.items():
             along = slopes[:, balance.at[name]] * sigma[pixels]

@@ -115,7 +115,8 @@ class Law(NamedArguments):
         """Return a smooth law that has the forces of a table.
 
         It is one analytic formula, or two that meet at a gap where the table bends. Beyond the table the force falls
-        with the distance squared. A motion that comes nearer than the table's least gap ends with an error.
+        with the distance squared, within twice the misfit. A motion that comes nearer than the table's least gap ends
+        with an error.
 
         Parameters
         ----------
@@ -134,7 +135,7 @@ class Law(NamedArguments):
         Raises
         ------
         InputError
-            The gaps do not ascend, there are less than 8, or no formula comes near the forces.
+            The gaps do not ascend, there are less than 8, they are not in nm, or no formula comes near the forces.
 
         Examples
         --------

@@ -72,14 +72,16 @@ class GeneralisedMaxwell(Law):
         object.__setattr__(self, "k1_N_m", checked("k1_N_m", self.k1_N_m, plausible=check))
         for name in _ARMS:
             given = getattr(self, name)
-            if isinstance(given, str) or not hasattr(given, "__iter__"):
+            if isinstance(given, str | set | frozenset) or not hasattr(given, "__iter__"):
                 raise InputError(name, given, "a sequence with one value for each arm", "one arm: (2.0,)")
             numbers = tuple(checked(name, value, plausible=check) for value in given)
             for number in numbers:
                 checks.positive(name, number)
             object.__setattr__(self, name, numbers)
-        if not self.k2_N_m or len(self.k2_N_m) != len(self.c_uNs_m):
-            allowed = f"one value for each of the {len(self.k2_N_m)} springs of k2_N_m, one or more"
+        if not self.k2_N_m:
+            raise InputError("k2_N_m", self.k2_N_m, "a sequence with one value for each arm, one arm or more")
+        if len(self.k2_N_m) != len(self.c_uNs_m):
+            allowed = f"one value for each of the {len(self.k2_N_m)} springs of k2_N_m"
             raise InputError("c_uNs_m", self.c_uNs_m, allowed)
         object.__setattr__(self, "positive", tuple(f"c_uNs_m{end}" for end in self._ends))
         object.__setattr__(self, "contact", f"-{self._recovered}")

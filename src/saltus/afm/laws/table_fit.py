@@ -1,7 +1,7 @@
 """Smooth formulas for a table of a force over the gap: a rational function, or two pieces that meet where it bends.
 
-Far away, the force is ``s**2`` times a polynomial of ``s = L/(D - D_min + L)``: it falls with the distance squared.
-Nearer than a bend, it is a polynomial of the gap.
+Far away, the force is ``s**2`` times a polynomial of ``s = L/(D - D_min + L)``. Beyond the table it is fitted to a
+force that falls from the last row with the distance squared. Nearer than a bend, it is a polynomial of the gap.
 """
 
 from __future__ import annotations
@@ -28,8 +28,11 @@ _WORST = 0.05  # misfit over the greatest force that is allowed
 _JOINT = 1e4  # weight of the condition that two pieces meet
 _PLACES = 40  # gaps at which a bend is sought first
 _LEAST = 8  # rows of a table
+_LEAST_SPAN = 1e-3  # nm; gaps of a table
 _BETWEEN = 200  # gaps of even distance at which the table is interpolated
 _LOOSE = 0.1  # weight of what is interpolated, over that of a row
+_TAIL = 0.5  # the same of what is beyond the table
+_REACH = np.geomspace(1e-2, 1e3, 60)  # places beyond the table, over its greatest gap
 
 
 class TableFit(NamedTuple):
@@ -38,7 +41,7 @@ class TableFit(NamedTuple):
     far: str
     near: str  # below the bend; empty where there is none
     bend_nm: float | None
-    misfit: float  # greatest difference, over the greatest force
+    misfit: float  # greatest difference, over the greatest force; half of it counts beyond the table
 
 
 class _Far(NamedTuple):
@@ -65,10 +68,12 @@ def fitted_table(D: NDArray[np.float64], F: NDArray[np.float64], sigma: NDArray[
     Raises
     ------
     InputError
-        The table is too short, or no formula comes near enough.
+        The table is too short, its gaps are not in nm, or no formula comes near enough.
     """
     if len(D) < _LEAST:
         raise InputError("D_nm", len(D), f"{_LEAST} gaps or more")
+    if (span := float(D[-1] - D[0])) < _LEAST_SPAN:
+        raise InputError("D_nm", span, f"gaps that span {_LEAST_SPAN:g} nm or more", f"in m? then {span * 1e9:g} nm")
     greatest = float(np.abs(F).max())
     if greatest == 0.0:
         raise InputError("F_nN", 0.0, "a force that is not 0 everywhere")
@@ -86,21 +91,24 @@ def fitted_table(D: NDArray[np.float64], F: NDArray[np.float64], sigma: NDArray[
 
 
 class _Table(NamedTuple):
-    """Rows of a table, and gaps between them with less weight, in ascending order."""
+    """Rows of a table, and gaps between and beyond them with less weight, in ascending order."""
 
     D: NDArray[np.float64]
     F: NDArray[np.float64]
     weights: NDArray[np.float64]
     rows: int
+    last: float  # greatest gap of the rows
 
     @classmethod
     def of(cls, D: NDArray[np.float64], F: NDArray[np.float64]) -> _Table:
         between = np.setdiff1d(np.linspace(D[0], D[-1], _BETWEEN), D)
-        gaps = np.concatenate([D, between])
+        size = D[-1] if D[-1] > 0.0 else D[-1] - D[0]  # gaps of an unknown origin: the range stands for the gap
+        gaps = np.concatenate([D, between, D[-1] + size * _REACH])
         order = np.argsort(gaps)
-        forces = np.concatenate([F, Akima1DInterpolator(D, F, method="makima")(between)])
-        weights = np.where(np.arange(len(gaps)) < len(D), 1.0, _LOOSE)
-        return cls(gaps[order], forces[order], weights[order], len(D))
+        tail = F[-1] * (1.0 + _REACH) ** -2.0
+        forces = np.concatenate([F, Akima1DInterpolator(D, F, method="makima")(between), tail])
+        weights = np.repeat([1.0, _LOOSE, _TAIL], [len(D), len(between), len(_REACH)])
+        return cls(gaps[order], forces[order], weights[order], len(D), float(D[-1]))
 
     def misfit(self, fitted: NDArray[np.float64]) -> float:
         """Greatest weighted difference, over the greatest force."""
@@ -109,9 +117,9 @@ class _Table(NamedTuple):
 
 def _whole(table: _Table, degree: int) -> TableFit:
     """Return the best single formula of a degree."""
-    D, F, weights, rows = table
+    D, F, weights, rows, last = table
     found = []
-    for length in _LENGTHS * (D[-1] - D[0]):
+    for length in _LENGTHS * (last - D[0]):
         far = _Far(float(D[0]), float(length), float(length / (D[-1] - D[0] + length)))
         basis = far.basis(D, min(degree, rows - 2))
         c = np.asarray(np.linalg.lstsq(basis * weights[:, None], F * weights, rcond=None)[0], dtype=np.float64)
@@ -138,10 +146,10 @@ def _bent(table: _Table, degree: int) -> TableFit:
 
 def _pieces(table: _Table, degree: int, bend: float) -> tuple[float, _Far, NDArray[np.float64], NDArray[np.float64]]:
     """Return the misfit of two formulas that meet at a bend, and their coefficients."""
-    D, F, weights, _ = table
+    D, F, weights, _, last = table
     beyond, rows = bend <= D, weights == 1.0
     n, m = min(degree, int((beyond & rows).sum()) - 1), min(degree, int((~beyond & rows).sum()) - 1)
-    length = max(0.3 * (D[-1] - bend), 1e-9)
+    length = max(0.3 * (last - bend), 1e-9)
     far = _Far(bend, float(length), float(length / (D[-1] - bend + length)))
 
     def near(gaps: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -63,6 +63,8 @@ def frequency_modulation(table: pd.DataFrame, probe: Probe, A_nm: float, sigma: 
     """Return the data of a tip that is held at an amplitude."""
     f0 = 1e3 * next(iter(probe.f0_kHz))  # type: ignore[arg-type]
     columns, errors = _read(table, ("shift_Hz",), sigma)
+    if (least := float(columns["shift_Hz"].min())) <= -f0:
+        raise InputError("shift_Hz", least, f"above {-f0:.6g} Hz, where the frequency is 0")
     amplitude = np.full(len(columns["Zc_nm"]), A_nm)
 
     def reduced(seen: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -19,7 +19,7 @@ from saltus.afm.reconstruction.force import ReconstructedForce
 from saltus.afm.reconstruction.formulas import FORMULAS, force_matrix
 from saltus.afm.reconstruction.inflection import inflections
 from saltus.afm.reconstruction.inversion import inverted
-from saltus.afm.reconstruction.observed import Observed, amplitude_modulation, frequency_modulation
+from saltus.afm.reconstruction.observed import LEAST, Observed, amplitude_modulation, frequency_modulation
 from saltus.errors import InputError
 from saltus.fitting.measured import read_table
 from saltus.linear_threads import one_thread
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["reconstruct_force"]
 
 _KNOTS = 150  # gaps at which the force is told, at most
+_LEAST_OF_HALF = 3  # gaps that every other datum must have
 _ROUNDS = 3  # in which the motion of the lever under the force, and errors of amplitudes, come to rest
 _NODES = 300  # angles of half a cycle at which the force is taken along a motion that is not harmonic
 _FAR = 50.0  # times the greatest gap up to which formulas integrate
@@ -97,8 +98,8 @@ def reconstruct_force(
     Raises
     ------
     InputError
-        A value or a column is missing or not allowed. There are less than 8 data. No force is clear of the noise. Two
-        data have one least gap, and the method is a formula.
+        A value or a column is missing or not allowed. There are less than 8 data, or less than 8 least gaps. No force
+        is clear of the noise. Two data have one least gap, and the method is a formula.
 
     Warns
     -----
@@ -130,10 +131,14 @@ def reconstruct_force(
         hint = "A_nm for data of frequency modulation, drive for those of amplitude modulation"
         raise InputError("A_nm, drive", (A_nm, drive), "one of both", hint)
     if drive is None:
+        if f_kHz != "f0":
+            raise InputError("f_kHz", f_kHz, "not given with A_nm: shift_Hz counts from f0")
         observed = frequency_modulation(table, probe, checked("A_nm", A_nm), sigma)
     else:
         first = checks.instance("drive", drive, Drive | Drives).parts[0]
         mode = first.mode - 1
+        if mode >= probe.modes:
+            raise InputError("mode", first.mode, f"a mode of the probe, up to {probe.modes}")
         f = frequency_of(f_kHz, list(probe.f0_kHz)[mode], list(probe.Q)[mode])  # type: ignore[arg-type]
         observed = amplitude_modulation(table, probe, first, checked("f_kHz", f), sigma)
     with one_thread(len(observed.shift)):
@@ -141,8 +146,8 @@ def reconstruct_force(
 
 
 def _made(observed: Observed, probe: Probe, method: str, errors_given: bool) -> ReconstructedForce:
-    made = _inverted(observed, method, errors_given)
-    half = _inverted(_every_other(observed), method, errors_given)
+    made = _inverted(observed, method, errors_given, LEAST)
+    half = _inverted(_every_other(observed), method, errors_given, _LEAST_OF_HALF)
     greatest = float(np.abs(made.force).max())
     both = np.interp(half.gaps, made.gaps, made.force)
     halved = float(np.abs(half.force - both).max()) / greatest
@@ -185,7 +190,7 @@ def _made(observed: Observed, probe: Probe, method: str, errors_given: bool) -> 
     )  # fmt: skip
 
 
-def _inverted(observed: Observed, method: str, errors_given: bool) -> _Made:
+def _inverted(observed: Observed, method: str, errors_given: bool, least: int) -> _Made:
     """Return the force, after some rounds in which the lever bends under it."""
     bent = observed.deflection
     centre = observed.centre + (0.0 if bent is None else bent)
@@ -194,6 +199,9 @@ def _inverted(observed: Observed, method: str, errors_given: bool) -> _Made:
     for _ in range(_ROUNDS):
         nearest = centre - observed.amplitude
         grid = grid_of(nearest, float((centre + observed.amplitude).max()), _KNOTS)
+        if len(grid.knots) < least:
+            allowed = f"{least} or more, further apart than a thousandth of their range"
+            raise InputError("different least gaps", len(grid.knots), allowed)
         mean, moment = averages(centre, observed.amplitude, grid)
         shifts = -moment / (observed.k * observed.amplitude[:, None])
         if method == "matrix":
