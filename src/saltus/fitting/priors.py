@@ -30,8 +30,8 @@ class Priors(NamedTuple):
     def contradicted(self, parameters: NDArray[np.float64], names: Sequence[str]) -> tuple[str, ...]:
         """Return in words which known values parameters contradict, by more than three standard errors."""
         return tuple(
-            f"the prior of {names[place]}, {value:.6g} +- {sigma:.2g}, is {abs(away):.3g} of its standard errors off the"
-            " fit: it contradicts the data or the bounds"
+            f"the prior of {names[place]}, {value:.6g} +- {sigma:.2g}, is {abs(away):.3g} of its standard errors off"
+            " the fit: it contradicts the data or the bounds"
             for place, value, sigma, away in zip(
                 self.places, self.values, self.sigma, self.residuals(parameters), strict=True
             )
