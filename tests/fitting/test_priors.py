@@ -66,3 +66,9 @@ def test_wrong_priors_are_refused(branch):
         fitted(branch, {"c": 0.2})
     with pytest.raises(InputError, match="priors\\['c'\\]"):
         fitted(branch, {"c": (0.2, 0.0)})
+
+
+def test_a_prior_that_contradicts_the_data_is_told(branch):
+    with pytest.warns(RuntimeWarning, match=r"prior of c, 26 \+- 0.5, is 51.* of its standard errors off"):
+        found = fitted(branch, {"c": (26.0, 0.5)})
+    assert any("the prior of c" in note for note in found.notes)

@@ -258,7 +258,7 @@ def _varied(
 
 
 def fitted(wanted: Task, progress: bool | Report) -> Fit:
-    """Return the fit that a task asks for; warn where the data do not fit."""
+    """Return the fit that a task asks for; warn where the data or what was known beforehand do not fit."""
     names, bounds = wanted.names, wanted.bounds
     with Reporter(progress) as reporter:
         objective = Objective(
@@ -295,6 +295,8 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
     )
     if fit.misfit and not found.is_interrupted:
         warnings.warn(f"saltus: {fit.message}", RuntimeWarning, stacklevel=3)
+    for told in wanted.priors.contradicted(found.values, names):
+        warnings.warn(f"saltus: {told}", RuntimeWarning, stacklevel=3)
     return fit
 
 
@@ -352,6 +354,7 @@ def _notes(wanted: Task, found: Minimum, objective: Objective) -> tuple[str, ...
         for point in measured.points
         if point.reach
     ]
+    notes += wanted.priors.contradicted(found.values, wanted.names)
     notes += degeneracies(found.evaluation.jacobian, found.values, wanted.names)
     for i, name in enumerate(wanted.names):
         low, high = wanted.bounds[:, i]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["DIRECTION", "TIME", "Channel", "Measured", "MeasuredPoint", "read_measured", "read_table"]
+__all__ = ["DIRECTION", "TIME", "Channel", "Measured", "MeasuredPoint", "numbers_of", "read_measured", "read_table"]
 
 DIRECTION = "direction"  # column that says which way a datum was measured on
 TIME = "time_s"  # column that says when
@@ -188,6 +188,19 @@ def read_table(data: object) -> pd.DataFrame:
         sizes = {name: values.shape for name, values in columns.items()}
         raise InputError("data", sizes, "columns of one length")
     return pd.DataFrame(columns)
+
+
+def numbers_of(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
+    """Return a column of real numbers; those that are missing are NaN.
+
+    Raises
+    ------
+    InputError
+        The column holds something else, or there are several of this name.
+    """
+    if table.columns.tolist().count(name) > 1:
+        raise InputError("data", table.columns.tolist(), f"with one column {name!r}")
+    return np.asarray(_numbers(name, table[name].to_numpy(), complex_too=False), dtype=np.float64)
 
 
 def _column(name: str, values: object) -> NDArray[Any]:

@@ -13,6 +13,8 @@ from saltus.errors import InputError
 
 __all__ = ["NO_PRIORS", "Priors", "read_priors"]
 
+_FAR = 3.0  # distance of a fit from a known value, in its standard errors, from which they contradict each other
+
 
 class Priors(NamedTuple):
     """Known values of varied parameters."""
@@ -24,6 +26,17 @@ class Priors(NamedTuple):
     def residuals(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters less their known values, in standard errors."""
         return np.asarray((parameters[list(self.places)] - self.values) / self.sigma)
+
+    def contradicted(self, parameters: NDArray[np.float64], names: Sequence[str]) -> tuple[str, ...]:
+        """Return in words which known values parameters contradict, by more than three standard errors."""
+        return tuple(
+            f"the prior of {names[place]}, {value:.6g} +- {sigma:.2g}, is {abs(away):.3g} of its standard errors off"
+            " the fit: it contradicts the data or the bounds"
+            for place, value, sigma, away in zip(
+                self.places, self.values, self.sigma, self.residuals(parameters), strict=True
+            )
+            if abs(away) > _FAR
+        )
 
     def jacobian(self, count: int) -> NDArray[np.float64]:
         """Return the derivatives of the residuals by `count` parameters."""

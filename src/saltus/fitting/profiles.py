@@ -75,6 +75,8 @@ class Profiles:
         near, root_near, trial = 0.0, 0.0, sign * error
         for _ in range(_SECANTS):
             there = max(trial, limit - best) if sign < 0.0 else min(trial, limit - best)
+            if there == near:  # the bound once more, where the profile is above 1
+                break
             fitted = self._fitted(index, best + there, there * direction)
             if fitted.loss < self.found.loss - _BETTER:
                 self.better = fitted

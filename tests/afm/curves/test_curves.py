@@ -208,6 +208,8 @@ def test_bad_input_is_told(lever, curve, impact_oscillator):
         afm.distance_curve(impact_oscillator, (1.0, 2.0))
     with pytest.raises(InputError, match="bounds = "):
         afm.distance_curve(lever, (14.0, 0.5))
+    with pytest.raises(InputError, match="f_kHz = 0.0: must be a finite number > 0"):
+        afm.frequency_curve(lever, (0.0, 302.0))
     with pytest.raises(InputError, match="f_kHz = 'f1'.*f0, peak"):
         afm.distance_curve(lever, (1.0, 14.0), f_kHz="f1")
     with pytest.raises(InputError, match="Zc_nm = 99.0: must be between"):

@@ -92,6 +92,11 @@ BAD = {
     "implausible": ({"vary": {"H_aJ": (0.01e-18, 1e-18)}}, "H_aJ"),
     "unknown": ({"vary": {"H": (0.01, 1.0)}}, "H"),
     "no units": ({"sigma": {"lag": 0.3}, "data": {"Zc_nm": [20.0], "lag": [90.0]}}, "its unit: lag_deg"),
+    "frequencies in words": ({"data": {"f_Hz": ["a", "b"], "amplitude_nm": [1.0, 2.0]}}, "column 'f_Hz'.*real numbers"),
+    "distances in words": ({"data": {"Zc_nm": ["a", "b"], "amplitude_nm": [1.0, 2.0]}}, "column 'Zc_nm'.*real numbers"),
+    "nothing varied": ({"vary": None}, "vary = {}: must be at least one parameter"),
+    "nothing fitted": ({"sigma": None}, "sigma = {}: must be the standard error of at least one column"),
+    "a frequency of 0": ({"data": {"f_kHz": [0.0, 300.0], "amplitude_nm": [1.0, 2.0]}}, "f_kHz = 0.0"),
     "no reading": ({"sigma": {"height_nm": 1.0}}, "with a column 'height_nm'"),
     "a parameter of contact far away": (
         {"data": {"Zc_nm": [30.0, 31.0, 32.0], "amplitude_nm": [12.0] * 3}, "vary": {"E_GPa": (0.1, 10.0)}},
@@ -287,3 +292,12 @@ def test_a_frequency_curve_has_no_origin_of_the_distance():
     data = {"f_kHz": [299.0, 300.0], "amplitude_nm": [5.0, 12.0]}
     with pytest.raises(InputError, match="vary = 'Zc_offset_nm'"):
         afm.fit(data, lever(), {"Zc_offset_nm": (-1.0, 1.0)}, {"amplitude_nm": 0.1})
+
+
+def test_the_range_of_a_wide_tune_stays_above_0():
+    """A margin of 2 % of 500 kHz would begin below 0."""
+    data = {"f_kHz": [1.0, 150.0, 299.0, 500.0]}
+    response = [1.0 / np.hypot(1.0 - (f / 300.0) ** 2, f / 300.0 / 400.0) for f in data["f_kHz"]]
+    data["amplitude_nm"] = [12.0 / 400.0 * one for one in response]
+    found = afm.fit(data, lever(Zc_nm=80.0), {"A0_nm": (1.0, 20.0)}, {"amplitude_nm": 0.01}, jumps=False)
+    assert found["A0_nm"] == pytest.approx(12.0, rel=1e-3)

@@ -154,7 +154,7 @@ def frequency_curve(
     formulas(system, of)  # raises where it cannot be told
     low, high = checks.interval("bounds", bounds)
     p = system.resolve(parameters) | ({} if Zc_nm is None else {"Zc_nm": Zc_nm})
-    p |= {"f_kHz": low}
+    p |= {"f_kHz": checks.positive("f_kHz", low, "kHz")}
     check_changes(system.parameters, p | {"f_kHz": high})
     checks.count("starts", starts, 0)
     first = from_afar(system, p, p["Zc_nm"], steps)

@@ -19,7 +19,7 @@ from saltus.continuation.many.retracing import Retraced
 from saltus.errors import InputError
 from saltus.fitting.estimation import FitOptions, fitted, task
 from saltus.fitting.instrument import Instrument
-from saltus.fitting.measured import read_table
+from saltus.fitting.measured import numbers_of, read_table
 
 if TYPE_CHECKING:
     from saltus.continuation import Branch
@@ -113,6 +113,8 @@ def fit(
     options = FitOptions() if options is None else checks.instance("options", options, FitOptions)
     table = _in_kHz(read_table(data))
     along = _along(table)
+    sigma = checks.mapping("sigma", sigma, "standard errors by column, as {'amplitude_nm': 0.03}")
+    vary = checks.mapping("vary", vary, "bounds by parameter, as {'H_aJ': (0.01, 1.0)}")
     instrument = _instrument(along, model, sigma)
     if along in vary:
         raise InputError("vary", along, "unknowns: data are along this one", f"{OFFSET} varies its origin")
@@ -129,7 +131,7 @@ def fit(
     turns = {name: _TURN_DEG for name in sigma if str(name).startswith("lag_deg")} | dict(options.turns)
     options = replace(options, observables=observables, turns=turns)
     instrument = instrument.among(vary)
-    bounds = _range(table[along].to_numpy(), along, vary.get(OFFSET, (0.0, 0.0)))
+    bounds = _range(numbers_of(table, along), along, vary.get(OFFSET, (0.0, 0.0)))
 
     steps = options.steps
     make, how = distance_curve if along == "Zc_nm" else frequency_curve, Tracing(along, bounds, steps, False)
@@ -150,7 +152,7 @@ def _in_kHz(table: Any) -> Any:
         return table
     if "f_kHz" in table:
         raise InputError("data", list(table.columns), "one column of frequencies: f_kHz or f_Hz")
-    return table.assign(f_kHz=np.asarray(table["f_Hz"], dtype=float) / 1e3).drop(columns="f_Hz")
+    return table.assign(f_kHz=numbers_of(table, "f_Hz") / 1e3).drop(columns="f_Hz")
 
 
 def _along(table: Any) -> str:
@@ -179,4 +181,6 @@ def _range(values: Any, along: str, offsets: tuple[float, float]) -> tuple[float
         raise InputError(f"column {along!r}", f"{len(values)} rows", "at least one number")
     low, high = float(known.min()), float(known.max())
     margin = _MARGIN * (high - low) or _MARGIN * abs(high)
+    if along == "f_kHz":
+        margin = min(margin, 0.5 * low)  # no frequency is negative
     return low - margin + float(offsets[0]), high + margin + float(offsets[1])
