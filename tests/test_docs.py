@@ -35,6 +35,7 @@ LONG |= {
         "afm/loops",
         "afm/modulus",
         "afm/probe_and_drive",
+        "afm/instrument_to_modulus",
         "changing_dimension",
         "theory/integrity",
     )

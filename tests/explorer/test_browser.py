@@ -237,6 +237,7 @@ def test_an_error_of_the_library_is_a_line_in_the_page(screen):
     assert "Traceback" not in screen.text("message")
 
 
+@pytest.mark.campaign
 @desk_alone
 def test_sets_of_values_are_saved_by_name(screen):
     screen.fill("parameter-Omega", "1.11")
