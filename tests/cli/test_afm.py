@@ -250,8 +250,8 @@ def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
         ('"DMT"', '"math:pi"',
          "law.type = 'math:pi': must be a class that is made from saltus.afm.Law; it is 3.141592653589793"),
         ("H_aJ = 0.12", "H_aJ = '0.12'", "H_aJ = '0.12': must be a finite number (in aJ)"),
-        ("A0_nm", "A_nm", "key = 'A_nm': must be one of A0_nm, mode, ratio, at, phase_deg, F0_nN, Y_nm, fluid, check in "
-         "[drive]; did you mean 'A0_nm'?"),
+        ("A0_nm", "A_nm", "key = 'A_nm': must be one of A0_nm, mode, ratio, at, phase_deg, F0_nN, Y_nm, fluid, check "
+         "in [drive]; did you mean 'A0_nm'?"),
         ('along = "Zc_nm"', 'along = "Zc"', "curve.along = 'Zc': must be one of Zc_nm, f_kHz; did you mean 'Zc_nm'?"),
         ("range = [0.5, 14.0]", "rnge = [1, 2]", "key = 'rnge': must be one of range, along, parameters, of, "
          "phase_convention, steps, starts in [curve]; did you mean 'range'?"),
