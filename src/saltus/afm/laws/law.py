@@ -9,7 +9,6 @@ from saltus import checks
 from saltus.afm.laws.common_regions import product, shared_parameters
 from saltus.afm.laws.prescribed import energy_per_cycle_eV, force_nN
 from saltus.afm.laws.regions import Crossing, Region
-from saltus.afm.laws.table_fit import fitted_table
 from saltus.afm.probe.named_arguments import NamedArguments
 from saltus.afm.probe.units import checked
 from saltus.errors import InputError
@@ -150,6 +149,8 @@ class Law(NamedArguments):
         for name, values in (("F_nN", forces), ("sigma_nN", forces if errors is None else errors)):
             if values.shape != gaps.shape:
                 raise InputError(name, list(values.shape), f"one number for each of {len(gaps)} gaps")
+        from saltus.afm.laws.table_fit import fitted_table  # SciPy takes a third of a second
+
         found = fitted_table(gaps, forces, errors)
         bend = "" if found.bend_nm is None else repr(found.bend_nm)
         return Tabulated(
