@@ -137,15 +137,12 @@ class Inner:
         The caller holds Numba's lock.
         """
         context = _context()
-        library = context.codegen().create_library(symbol)
-        library.enable_object_caching()
-        module = library.create_ir_module(symbol)
-        with context.push_code_library(library):
+
+        def write(module: ir.Module) -> None:
             code = self._written(context, module, tuple(key_of(kind) for kind in kinds))
-        code.name, code.linkage = symbol, ""
-        library.add_ir_module(module)
-        library.finalize()
-        return library
+            code.name, code.linkage = symbol, ""
+
+        return lowering.linked(context, symbol, write)
 
     def _named(self, key: Any, values: Iterable[Any]) -> dict[str, Any]:
         rest = iter(values)

@@ -24,7 +24,7 @@ from numba.core import fastmathpass
 from numba.core.cpu_options import FastMathOptions
 from numba.core.registry import cpu_target
 
-__all__ = ["code_of", "function_in", "library_of"]
+__all__ = ["code_of", "function_in", "library_of", "linked"]
 
 _DOUBLE = ir.DoubleType()
 _INTEGER = ir.IntType(64)
@@ -68,13 +68,22 @@ def library_of(function: ast.FunctionDef, symbol: str, *, fast: bool) -> Any:
         The text has something else than generated functions have.
     """
     context = _context()
+
+    def write(module: ir.Module) -> None:
+        _Lowering(context, ir.Function(module, _SIGNATURE, symbol)).lower(function)
+        if fast:
+            fastmathpass.rewrite_module(module, FastMathOptions(set(_FAST)))
+
+    return linked(context, symbol, write)
+
+
+def linked(context: Any, symbol: str, write: Callable[[ir.Module], None]) -> Any:
+    """Return a library of Numba's with what is written into its module; the caller holds Numba's lock."""
     library = context.codegen().create_library(symbol)
     library.enable_object_caching()
     module = library.create_ir_module(symbol)
     with context.push_code_library(library):
-        _Lowering(context, ir.Function(module, _SIGNATURE, symbol)).lower(function)
-    if fast:
-        fastmathpass.rewrite_module(module, FastMathOptions(set(_FAST)))
+        write(module)
     library.add_ir_module(module)
     library.finalize()
     return library
