@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from saltus import checks
-from saltus.afm.laws.tips import Pressed, below_90
+from saltus.afm.laws.tips import SLOPE, Pressed, below_90, force_of_cone, force_of_punch
 from saltus.errors import InputError
 
 __all__ = ["ThinCone", "ThinPunch", "ThinSphere"]
@@ -196,11 +196,11 @@ class ThinCone(_Thin):
 
     def _thick(self, depth: str) -> str:
         """Return the force on a thick sample at a depth, as a formula."""
-        return f"2/pi*E_GPa*tan(pi/180*half_angle_deg)*{depth}**2"
+        return force_of_cone(depth)
 
     def _ratio(self, depth: str) -> str:
         """Return what the series is in, as a formula."""
-        return f"({depth}*tan(pi/180*half_angle_deg)/thickness_nm)"
+        return f"({depth}*{SLOPE}/thickness_nm)"
 
     def _series(self, m0: str, m2: str) -> tuple[str, ...]:
         """Return the coefficients of the first to fourth power, as formulas."""
@@ -269,7 +269,7 @@ class ThinPunch(_Thin):
 
     def _thick(self, depth: str) -> str:
         """Return the force on a thick sample at a depth, as a formula."""
-        return f"2*E_GPa*punch_nm*{depth}"
+        return force_of_punch(depth)
 
     def _ratio(self, depth: str) -> str:
         """Return what the series is in, as a formula."""

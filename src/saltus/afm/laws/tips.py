@@ -21,7 +21,9 @@ from saltus.errors import InputError
 
 __all__ = ["Cone", "FlatPunch", "SphereCone"]
 
-_ANGLE = "(pi/180*half_angle_deg)"
+SLOPE = "tan(pi/180*half_angle_deg)"
+"""How fast a cone widens with its height, as a formula."""
+
 _ANGLES = (5.0, 85.0)  # degrees; half angles for which the fit of `_fitted` is within 4e-4 of y
 
 # Coefficients of w/sqrt(d) as a ratio of polynomials in d, where w tanh(w) = d: within 1e-5 for d up to 3.3. The force
@@ -129,7 +131,7 @@ class Cone(Pressed):
 
     def _pressed(self, depth: str) -> str:
         """Return the force at a depth, as a formula."""
-        return f"2/pi*E_GPa*tan{_ANGLE}*{depth}**2"
+        return force_of_cone(depth)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +170,7 @@ class FlatPunch(Pressed):
 
     def _pressed(self, depth: str) -> str:
         """Return the force at a depth, as a formula."""
-        return f"2*E_GPa*punch_nm*{depth}"
+        return force_of_punch(depth)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,6 +250,16 @@ class SphereCone(Pressed):
             Crossing("flank", "contact", level, 1, "cone_off"),
         )
         return (*super().crossings, *inner)
+
+
+def force_of_cone(depth: str) -> str:
+    """Return the force of a cone at a depth of a thick sample, as a formula."""
+    return f"2/pi*E_GPa*{SLOPE}*{depth}**2"
+
+
+def force_of_punch(depth: str) -> str:
+    """Return the force of a flat punch at a depth of a thick sample, as a formula."""
+    return f"2*E_GPa*punch_nm*{depth}"
 
 
 def below_90(half_angle_deg: float) -> None:
