@@ -160,7 +160,7 @@ def test_errors_of_amplitude_and_lag_add_up():
 def test_the_inflection_of_morses_force_has_its_closed_form():
     """F'' = 0 at D0 + l log 4, where F'''/F' = -2/l**2: S = -z**2/(2 l**2), amplitudes from l/sqrt(2) to z/2."""
     A = 0.2
-    gaps = np.linspace(0.3, 6.0, 120)
+    gaps = np.linspace(0.3, 6.0, 240)
     data = shift_data(reduced(lambda D: morse(D, 1.0, 0.25, 0.4), gaps, A), gaps, A)
     with pytest.warns(RuntimeWarning, match=r"ill-posed: the force bends at D = 0.75\d? nm with S = -1.[567]"):
         force = afm.reconstruct_force(data, PROBE, A_nm=A)

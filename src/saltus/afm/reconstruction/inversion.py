@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["Estimate", "inverted"]
 
 _STRENGTHS = np.logspace(-14.0, 14.0, 113)  # of the prior, over that of the data
-_ROUNDING = 1e-15  # relative error of a sum of squares
+_ROUNDING = 1e-13  # relative error of a sum of squares that is a difference; below, rounding would choose the force
 _AS_GOOD = 5.0  # logarithm of the evidence by which a force without noise must be better than one with noise
 
 
