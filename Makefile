@@ -15,7 +15,7 @@ demo: ## compute figure 3 of the paper into results/
 	$(BIN)/saltus reproduce fig3 -o results/
 
 test: lint ## all checks: those of lint, then the tests (PYTEST_ARGS="-n 0 -k flow")
-	$(BIN)/python -m pytest -m "not campaign" $(PYTEST_ARGS)
+	$(BIN)/python tools/run_tests.py -m "not campaign" $(PYTEST_ARGS)
 
 campaign: ## tests that guard no single change; then points and words with three kernels of OpenBLAS
 	@tools/make_env.sh test

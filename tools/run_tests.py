@@ -1,0 +1,35 @@
+"""Run pytest for the rooms of the lower floors, then for all others: a worker that compiled for all would need 2 GiB.
+
+The arguments are those of pytest, the same for both runs. The exit status is the first that is neither success nor
+"no test selected", which is fine in one of them.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+LOWER = {"algebraic", "continuation", "equilibria", "flow", "maps", "orbits", "system"}
+TESTS = Path(__file__).resolve().parents[1] / "tests"
+NOTHING_SELECTED = 5
+
+
+def main(arguments: list[str]) -> int:
+    """Run both, and return the exit status."""
+    rooms = {path.name for path in TESTS.iterdir() if path.is_dir() or path.name.startswith("test_")}
+    if unknown := LOWER - rooms:
+        raise SystemExit(f"tools/run_tests.py: no rooms in tests/: {', '.join(sorted(unknown))}")
+    others = [f"--ignore=tests/{room}" for room in sorted(rooms - LOWER)]
+    statuses = []
+    for ignored in ([*others, "--ignore-glob=src/*"], [f"--ignore=tests/{room}" for room in sorted(LOWER)]):
+        try:
+            statuses.append(subprocess.call([sys.executable, "-m", "pytest", *ignored, *arguments], cwd=TESTS.parent))
+        except KeyboardInterrupt:
+            return 130
+    failed = [status for status in statuses if status not in (0, NOTHING_SELECTED)]
+    return failed[0] if failed else min(statuses)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
