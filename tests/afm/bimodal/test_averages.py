@@ -20,11 +20,13 @@ LAWS = {
 MOTIONS = [(9.2, 10.0, 0.5), (10.2, 10.0, 0.5), (9.0, 2.0, 10.0), (10.9, 10.0, 0.5), (-1.0, 0.3, 0.2)]
 
 
-def means(law, c, A1, A2, nodes=FINE, **changes):
+def means(law, c, *A, nodes=FINE, **changes):
+    """Means and derivatives, row by row: those of the force, then those of the damping with a mode."""
     layers = layers_of(law, R)
     values = {"R_nm": R, **law.parameters, **changes}
-    motion = Motion(*(np.array([one]) for one in (c, A1, A2)))
-    return averages(layers, motion, {name: np.array([values[name]]) for name in layers.names}, nodes)[..., 0]
+    parameters = {name: np.array([values[name]]) for name in layers.names}
+    force, damping = averages(layers, Motion(np.array([c]), np.array(A)[:, None]), parameters, nodes)[..., 0]
+    return np.concatenate([force, damping[1:]])
 
 
 def brute(law, c, A1, A2, n=1200):
@@ -66,7 +68,7 @@ def test_derivatives_are_differences_of_the_means(law):
 @pytest.mark.parametrize("law", LAWS)
 def test_standard_nodes_resolve_the_means(law):
     for motion in MOTIONS[3:4] if law == "everywhere" else MOTIONS:  # a bond pressed in by 3 nm repels by 1e7 nN
-        rough, fine = (means(LAWS[law], *motion, nodes) for nodes in (STANDARD, FINE))
+        rough, fine = (means(LAWS[law], *motion, nodes=nodes) for nodes in (STANDARD, FINE))
         # the change by finer nodes up to which `bimodal` tells a solution
         assert np.abs(rough - fine).max() < 1e-6 * np.abs(fine).max() + 1e-15
 
