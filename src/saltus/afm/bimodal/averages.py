@@ -124,12 +124,15 @@ def _third(layers: Layers, motion: Motion, p: Values, count: int) -> tuple[NDArr
     ends = np.sort(np.arcsin(np.sqrt(np.clip(np.array(cuts), 0.0, 1.0))), axis=0)
     width = np.diff(ends, axis=0)
     pixel, piece = np.nonzero(width.T > _NARROW)
+    begin, wide = ends[piece, pixel][:, None], width[piece, pixel][:, None]
     roots, weights = np.polynomial.legendre.leggauss(count)
     t = 0.5 * (roots + 1.0)
-    share, rate = t**3 * (10.0 - 15.0 * t + 6.0 * t**2), 15.0 * (t * (1.0 - t)) ** 2 * weights
-    wide = width[piece, pixel][:, None]
-    angle = ends[piece, pixel][:, None] + wide * share
-    return np.repeat(pixel, count), angle.ravel(), (2.0 / np.pi * wide * rate).ravel()
+    cut_below, cut_above = begin > 0.0, begin + wide < np.pi / 2 - _NARROW
+    kinds = [cut_below & cut_above, cut_below, cut_above]
+    share = np.select(kinds, [t**3 * (10.0 - 15.0 * t + 6.0 * t**2), t**3, 1.0 - (1.0 - t) ** 3], t)
+    rate = np.select(kinds, [30.0 * (t * (1.0 - t)) ** 2, 3.0 * t**2, 3.0 * (1.0 - t) ** 2], 1.0)
+    weight = wide * rate * weights / np.pi
+    return np.repeat(pixel, count), (begin + wide * share).ravel(), weight.ravel()
 
 
 class _Sums:
