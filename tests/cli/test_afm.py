@@ -325,7 +325,7 @@ def test_a_law_is_a_table_beside_the_file(lever, capsys):
     refused = {
         end.replace("force.csv", "nowhere.csv"): "must be a CSV file that can be read; No such file or directory",
         end.replace("file =", "fiel ="): "must be one of file in [law]; did you mean 'file'?",
-        end.replace('file = "force.csv"', ""): "must be given in [law]",
+        end.replace('file = "force.csv"', ""): "law.file = None: must be given",
     }
     for text, told in refused.items():
         lever.write_text(head + text)

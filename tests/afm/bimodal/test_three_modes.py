@@ -43,7 +43,8 @@ def test_derivatives_of_a_third_mode_are_differences():
         assert seen.derivatives[name, "E_GPa"][0] == pytest.approx(slope, rel=1e-4)
     low = seen["mean_gap_nm"] - sum(seen[f"amplitude_nm{end}"] for end in ("", "_2", "_3"))
     assert np.abs(seen["indentation_nm"] - (0.2 - low)).max() < 1e-12
-    titles = [axes.get_ylabel() for axes in seen.plot(("amplitude_nm_3", "lag_deg_3", "virial_eV_3"))]
+    drawn = seen.plot(("amplitude_nm_3", "lag_deg_3", "virial_eV_3"))
+    titles = [axes.get_ylabel().replace("\n", " ") for axes in drawn]
     assert titles == ["amplitude, mode 3 (nm)", "lag behind the drive, mode 3 (degrees)", "virial, mode 3 (eV)"]
 
 

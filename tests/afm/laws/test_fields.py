@@ -110,7 +110,7 @@ def test_a_tip_with_a_long_cone_has_the_force_in_print():
 
 
 def panels(D, R, angle, height):
-    """Ends of a tip's panels in the half plane, from the axis up the sphere and flank and over a lid; first of the lid."""
+    """Ends of a tip's panels in the half plane, up the sphere and flank and over a lid; number of the lid's first."""
     steep = math.asinh(3.0 / math.sqrt(min(1.0, D / R)))
     turn = (math.pi / 2.0 - angle) * np.sinh(steep * np.linspace(0.0, 1.0, 71)) / math.sinh(steep)
     along = np.geomspace(0.1 * R, height + 0.1 * R, 71) - 0.1 * R

@@ -58,8 +58,8 @@ class BimodalMap(Result):
     ----------
     columns : mapping of str to ndarray, shape of the map
         ``Zc_nm``, ``mean_gap_nm``, ``indentation_nm``, ``deflection_pm`` and the law's parameters. Readings of modes
-        are ``amplitude_nm``, ``lag_deg``, ``shift_Hz`` and ``excitation_nm``, of the second with ``_2``. Each mode
-        has ``virial_eV`` and ``E_ts_eV``, in a cycle of its own. NaN where there is no solution.
+        are ``amplitude_nm``, ``lag_deg``, ``shift_Hz`` and ``excitation_nm``, of the second and third with ``_2`` and
+        ``_3``. Each mode has ``virial_eV`` and ``E_ts_eV``, in a cycle of its own. NaN where there is no solution.
     found : tuple of str
         The columns that were sought.
     sigma : mapping of str to ndarray

@@ -1,4 +1,4 @@
-"""From readings of two modes to the sample's values, pixel by pixel."""
+"""From readings of two or three modes to the sample's values, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def bimodal_map(
     sigma: Mapping[str, ArrayLike] | None = None,
     check: bool = True,
 ) -> BimodalMap:
-    """Return maps of the sample's values from maps of what two modes show.
+    """Return maps of the sample's values from maps of what two or three modes show.
 
-    Each pixel has five equations, two a mode and the mean gap; `bimodal` says what they leave out. Mean gap and
+    Each pixel has two equations a mode and one of the mean gap; `bimodal` says what they leave out. Mean gap and
     distance are unknown as well, as are readings that are missing. Depths from afar to four amplitudes are searched,
     so that no start is needed but the law's values. Each solution is checked by its equations with finer nodes.
 
@@ -65,14 +65,13 @@ def bimodal_map(
     ----------
     readings : mapping of str to array_like
         Maps, which are broadcast together, NaN where a reading is missing: ``amplitude_nm``, ``lag_deg``, ``shift_Hz``,
-        ``excitation_nm``, those of
-        the second mode with ``_2``, and ``Zc_nm`` where it is known. A reading takes the place of the set value that
-        `modes` has.
+        ``excitation_nm``, those of the second and third mode with ``_2`` and ``_3``, and ``Zc_nm`` where it is known.
+        A reading takes the place of the set value that `modes` has.
     probe : Probe
-        Two modes, and the tip's radius.
+        Two or three modes, and the tip's radius.
     law : Law
         The force, with first guesses of the unknowns and the values of all that is known.
-    modes : sequence of two AM or FM
+    modes : sequence of AM or FM
         How each mode was operated, for what is held.
     unknowns : sequence of str, optional
         Parameters of the law that are sought.
@@ -146,7 +145,9 @@ def _inverted(
     freedom = balance.equations - len(unknown)
     if freedom < 0:
         hint = f"besides {', '.join(missing)}, which are not read"
-        raise InputError("unknowns", list(sought), f"at most {len(sought) + freedom}: there are {balance.equations} equations", hint)
+        raise InputError(
+            "unknowns", list(sought), f"at most {len(sought) + freedom}: there are {balance.equations} equations", hint
+        )
     maps, shape = spread(given, check, errors)
     q = balance.values({name: maps[name] for name in given}, math.prod(shape))
     for name in missing:

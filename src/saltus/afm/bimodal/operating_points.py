@@ -43,19 +43,20 @@ def bimodal(
     regime: str = "repulsive",
     check: bool = True,
 ) -> BimodalMap:
-    """Return readings of two modes that are held at their set points over a sample, pixel by pixel.
+    """Return readings of two or three modes that are held at their set points over a sample, pixel by pixel.
 
-    The tip moves by two cosines, whose phases are independent. Forces are averaged over both phases. This is exact for
-    frequencies without a whole ratio, up to terms of the order of 1/Q: higher harmonics and mixed tones are left out.
+    The tip moves by a cosine a mode, whose phases are independent. Forces are averaged over the phases. This is exact
+    for frequencies without a whole ratio, up to terms of the order of 1/Q: higher harmonics and mixed tones are left
+    out.
 
     Parameters
     ----------
     probe : Probe
-        Two modes, and the tip's radius.
+        Two or three modes, and the tip's radius.
     law : Law
         The force: elastic in the gap, with losses in proportion to its rate. Contact ends where it begins.
-    modes : sequence of two AM or FM
-        How each mode is operated.
+    modes : sequence of AM or FM
+        How each mode of the probe is operated.
     Zc_nm : array_like, optional
         Distance, in nm. Left out where a set point of one mode holds the distance, which is then found.
     parameters : mapping of str to array_like, optional

@@ -90,4 +90,3 @@ class Weighing:
         for i in self.logarithmic:
             out[..., i] *= q[self.rows[i]][:, None]
         return out
-

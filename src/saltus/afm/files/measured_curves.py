@@ -144,8 +144,8 @@ def read_force_table(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float
     Parameters
     ----------
     path : path-like
-        The file. Its header has ``D_nm`` and ``F_nN`` and, if it is known, ``sigma_nN``. Lines that begin with ``#`` are
-        comments.
+        The file. Its header has ``D_nm`` and ``F_nN`` and, if it is known, ``sigma_nN``. Lines that begin with ``#``
+        are comments.
 
     Returns
     -------
