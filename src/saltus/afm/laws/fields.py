@@ -135,8 +135,8 @@ class ElectrostaticTip(Law):
     the flank's. No energy is lost.
 
     The source leaves out ``(Z - a)/T``, which counts where the gap is no longer small against the cone. A tip with a
-    free upper edge has a further force from there, nearly constant along the gap. The slope of the force is the exact
-    one within 12 % for half angles of 15 degrees and more, within 18 % for 10 degrees and 32 % for 5 degrees.
+    free upper edge has a further force from there, nearly constant along the gap. The slope of the force is exact
+    within 12 % for half angles of 15 degrees and more. For 10 degrees it is within 18 %, for 5 degrees within 32 %.
 
     Parameters
     ----------
