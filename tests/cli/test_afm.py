@@ -506,6 +506,21 @@ def test_where_nothing_fits_the_exit_code_is_3_and_the_fit_is_written(lever, cap
     assert out.read_text() == "kept"
 
 
+@pytest.mark.campaign
+def test_data_of_another_origin_leave_with_exit_code_3_and_say_why(measured, lever, readings, capsys):
+    readings.assign(Zc_nm=readings["Zc_nm"] + 2.0).to_csv(lever.with_name("apd.csv"), index=False)
+    lever.write_text(LEVER + FIT.replace("start", "profile = []\nstart"))
+    code, said, told = run_command(capsys, *measured)
+    assert code == 3
+    assert "saltus: the data do not fit: chi2/n = " in told
+    assert "the data do not fit" in said
+    assert saltus.load(lever.with_name("fit.nc")).misfit
+    lever.write_text(LEVER + FIT.replace("vary = {", "profile = []\nvary = {Zc_offset_nm = [-3.0, 1.0], "))
+    code, _, told = run_command(capsys, *measured)
+    assert (code, told) == (0, "")
+    assert saltus.load(lever.with_name("fit.nc"))["Zc_offset_nm"] == pytest.approx(-2.0, abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
