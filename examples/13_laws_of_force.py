@@ -161,6 +161,16 @@ LAWS = {
             {"1 V": afm.Electrostatic(bias_V=1.0), "2 V": afm.Electrostatic(bias_V=2.0)}, np.linspace(0.5, 20.0, 600)
         ),
     ),
+    "electrostatic_tip": (
+        "ElectrostaticTip",
+        compared(
+            {
+                "sphere and cone": afm.ElectrostaticTip(bias_V=1.0, half_angle_deg=15.0, cone_height_nm=1e4),
+                "sphere alone": afm.Electrostatic(bias_V=1.0),
+            },
+            np.linspace(0.5, 20.0, 600),
+        ),
+    ),
     "magnetic_dipoles": (
         "MagneticDipoles",
         compared(

@@ -25,11 +25,7 @@ from saltus.afm.files.sets import entries_of, names, text_of
 from saltus.afm.models.modelling import model
 
 LEVER = text_of("lever-s")
-LAWS = (
-    "DMT, Hertz, VanDerWaals, Cone, FlatPunch, SphereCone, ThinCone, ThinPunch, ThinSphere, SLS, Dashpot, KelvinVoigt, "
-    "GeneralisedMaxwell, JKR, Neck, Schwarz, DLVO, Hydration, LennardJones, Morse, Electrostatic, MagneticDipoles, "
-    "Meniscus"
-)
+TYPES = "the name of a law of saltus.afm, as DMT; Tabulated, with a file; or module:Class"
 
 
 @pytest.fixture
@@ -243,8 +239,8 @@ def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
         ("R_nm = 12.0", "R_nm = 12e-9", "R_nm = 1.2e-08: must be between 0.5 and 100000 nm; in m? then it is 12 nm; "
          "check=False insists"),
         ("k_N_m = 26.0", "k_N_m = '26'", "k_N_m = '26': must be a finite number > 0 (in N/m)"),
-        ('"DMT"', '"DTM"', f"law.type = 'DTM': must be {LAWS}, or module:Class; did you mean 'DMT'?"),
-        ('type = "DMT"\n', "", f"law.type = None: must be given: {LAWS}, or module:Class"),
+        ('"DMT"', '"DTM"', f"law.type = 'DTM': must be {TYPES}; did you mean 'DMT'?"),
+        ('type = "DMT"\n', "", f"law.type = None: must be given: {TYPES}"),
         ('"DMT"', '"nowhere:DMT"', "law.type = 'nowhere:DMT': must be a module that can be imported, and its "
          "attribute; No module named 'nowhere'"),
         ('"DMT"', '"math:pi"',
@@ -314,6 +310,32 @@ def test_a_law_of_one_s_own_lies_beside_the_file(lever):
     law = read_experiment(lever).law
     assert law.parameters == {"H_aJ": 0.12, "a0_nm": 0.3, "k1_N_m": 3.0}
     assert float(law.parts[1].force_nN(2.0)) == -6.0
+
+
+def test_a_law_is_a_table_beside_the_file(lever, capsys):
+    gaps = np.linspace(0.3, 5.0, 60)
+    table = pd.DataFrame({"F_nN": -0.4 / gaps**2, "D_nm": gaps})
+    table.to_csv(lever.with_name("force.csv"), index=False)
+    head = LEVER.split("[[law]]", 1)[0] + LEVER[LEVER.index("[drive]") :]
+    end = '\n[[law]]\ntype = "Tabulated"\nfile = "force.csv"\n'
+    lever.write_text(head + end)
+    law = read_experiment(lever).law
+    assert law == afm.Law.tabulated(gaps, -0.4 / gaps**2)
+    assert float(law.force_nN(2.0)) == pytest.approx(-0.1, abs=law.misfit * 0.4 / 0.09)
+    refused = {
+        end.replace("force.csv", "nowhere.csv"): "must be a CSV file that can be read; No such file or directory",
+        end.replace("file =", "fiel ="): "must be one of file in [law]; did you mean 'file'?",
+        end.replace('file = "force.csv"', ""): "law.file = None: must be given",
+    }
+    for text, told in refused.items():
+        lever.write_text(head + text)
+        code, _, err = run_command(capsys, "afm", "curve", str(lever), "-o", str(lever.with_name("apd.nc")))
+        assert code == 2
+        assert told in err
+    table.rename(columns={"F_nN": "F_N"}).to_csv(lever.with_name("force.csv"), index=False)
+    lever.write_text(head + end)
+    with pytest.raises(InputError, match=r"columns = \['F_N', 'D_nm'\]: must be D_nm, F_nN and, if it is known, sigma"):
+        read_experiment(lever)
 
 
 def test_help_says_that_a_module_is_run(capsys):
@@ -482,6 +504,21 @@ def test_where_nothing_fits_the_exit_code_is_3_and_the_fit_is_written(lever, cap
     code, _, told = run_command(capsys, "afm", "fit", "apd.csv", str(lever), "-o", str(out))
     assert (code, told) == (3, "saltus: the data do not fit: chi2/n = 9\n")
     assert out.read_text() == "kept"
+
+
+@pytest.mark.campaign
+def test_data_of_another_origin_leave_with_exit_code_3_and_say_why(measured, lever, readings, capsys):
+    readings.assign(Zc_nm=readings["Zc_nm"] + 2.0).to_csv(lever.with_name("apd.csv"), index=False)
+    lever.write_text(LEVER + FIT.replace("start", "profile = []\nstart"))
+    code, said, told = run_command(capsys, *measured)
+    assert code == 3
+    assert "saltus: the data do not fit: chi2/n = " in told
+    assert "the data do not fit" in said
+    assert saltus.load(lever.with_name("fit.nc")).misfit
+    lever.write_text(LEVER + FIT.replace("vary = {", "profile = []\nvary = {Zc_offset_nm = [-3.0, 1.0], "))
+    code, _, told = run_command(capsys, *measured)
+    assert (code, told) == (0, "")
+    assert saltus.load(lever.with_name("fit.nc"))["Zc_offset_nm"] == pytest.approx(-2.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from .laws.adhesive import JKR as JKR, Neck as Neck, Schwarz as Schwarz
 from .laws.contact import DMT as DMT, Hertz as Hertz, VanDerWaals as VanDerWaals
 from .laws.fields import (
     Electrostatic as Electrostatic,
+    ElectrostaticTip as ElectrostaticTip,
     MagneticDipoles as MagneticDipoles,
     Meniscus as Meniscus,
 )

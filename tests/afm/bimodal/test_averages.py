@@ -18,24 +18,27 @@ LAWS = {
     "everywhere": afm.Morse(U_aJ=0.4, l_nm=0.4, D0_nm=0.3),
 }
 MOTIONS = [(9.2, 10.0, 0.5), (10.2, 10.0, 0.5), (9.0, 2.0, 10.0), (10.9, 10.0, 0.5), (-1.0, 0.3, 0.2)]
+# the depth of 1.1 nm lies between twice the second amplitude and twice the sum of both; last, no touch
+THREE = [(9.7, 10.0, 0.5, 0.3), (10.0, 10.0, 0.5, 0.3), (9.0, 0.4, 1.0, 10.0), (11.2, 10.0, 0.5, 0.3)]
 
 
-def means(law, c, A1, A2, nodes=FINE, **changes):
+def means(law, c, *A, nodes=FINE, **changes):
+    """Means and derivatives, row by row: those of the force, then those of the damping with a mode."""
     layers = layers_of(law, R)
     values = {"R_nm": R, **law.parameters, **changes}
-    motion = Motion(*(np.array([one]) for one in (c, A1, A2)))
-    return averages(layers, motion, {name: np.array([values[name]]) for name in layers.names}, nodes)[..., 0]
+    parameters = {name: np.array([values[name]]) for name in layers.names}
+    force, damping = averages(layers, Motion(np.array([c]), np.array(A)[:, None]), parameters, nodes)[..., 0]
+    return np.concatenate([force, damping[1:]])
 
 
-def brute(law, c, A1, A2, n=1200):
-    """Sums over a quarter of both turns; the rate's part is the difference of forces with and without a rate."""
-    phase = (np.arange(n) + 0.5) * math.pi / n
-    first, second = np.cos(phase)[:, None], np.cos(phase)[None, :]
-    D = c + A1 * first + A2 * second
+def brute(law, c, *A, n=1200):
+    """Sums over half of each turn; the rate's part is the difference of forces with and without a rate."""
+    cosines = np.meshgrid(*[np.cos((np.arange(n) + 0.5) * math.pi / n)] * len(A), indexing="ij", sparse=True)
+    D = c + sum(one * cosine for one, cosine in zip(A, cosines, strict=True))
     gaps = np.linspace(D.min(), D.max(), 2_001)
     still, moving = (np.interp(D, gaps, law.force_nN(gaps, R_nm=R, V_nm_us=V)) for V in (0.0, 1.0))
     damping = still - moving
-    found = [still, still * first, still * second, damping * (1 - first**2), damping * (1 - second**2)]
+    found = [still, *(still * one for one in cosines), *(damping * (1 - one**2) for one in cosines)]
     return np.array([one.mean() for one in found])
 
 
@@ -46,13 +49,15 @@ def test_means_are_those_of_a_brute_sum(law):
         told, plain = means(LAWS[law], *motion)[:, 0], brute(LAWS[law], *motion)
         # forces are interpolated between 2001 gaps; a jump is missed by the width of a cell
         assert np.abs(told - plain).max() < (1e-2 if law == "dashpot" else 1e-3) * np.abs(plain).max()
+    told, plain = means(LAWS[law], *THREE[0])[:, 0], brute(LAWS[law], *THREE[0], n=160)
+    assert np.abs(told - plain).max() < (1e-2 if law == "dashpot" else 1e-3) * np.abs(plain).max()
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_derivatives_are_differences_of_the_means(law):
-    for motion in MOTIONS:
-        told, step = means(LAWS[law], *motion), 1e-4
-        for i in range(3):
+    for motion in MOTIONS + THREE[::3]:
+        told, step, modes = means(LAWS[law], *motion), 1e-4, len(motion) - 1
+        for i in range(1 + modes):
             ends = [means(LAWS[law], *(x + sign * step * (i == j) for j, x in enumerate(motion))) for sign in (1, -1)]
             slope = (ends[0] - ends[1])[:, 0] / (2 * step)
             assert np.abs(slope - told[:, 1 + i]).max() <= 2e-5 * np.abs(told[:, 1 + i]).max() + 1e-10
@@ -60,15 +65,22 @@ def test_derivatives_are_differences_of_the_means(law):
             value = {"R_nm": R, **LAWS[law].parameters}[name]
             ends = [means(LAWS[law], *motion, **{name: value * (1 + sign * step)}) for sign in (1, -1)]
             slope = (ends[0] - ends[1])[:, 0] / (2 * step * value)
-            assert np.abs(slope - told[:, 4 + i]).max() <= 2e-5 * np.abs(told[:, 4 + i]).max() + 1e-10
+            assert np.abs(slope - told[:, 2 + modes + i]).max() <= 2e-5 * np.abs(told[:, 2 + modes + i]).max() + 1e-10
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_standard_nodes_resolve_the_means(law):
-    for motion in MOTIONS[3:4] if law == "everywhere" else MOTIONS:  # a bond pressed in by 3 nm repels by 1e7 nN
-        rough, fine = (means(LAWS[law], *motion, nodes) for nodes in (STANDARD, FINE))
+    # a bond pressed in by 3 nm repels by 1e7 nN
+    for motion in (MOTIONS[3:4] if law == "everywhere" else MOTIONS) + THREE:
+        rough, fine = (means(LAWS[law], *motion, nodes=nodes) for nodes in (STANDARD, FINE))
         # the change by finer nodes up to which `bimodal` tells a solution
         assert np.abs(rough - fine).max() < 1e-6 * np.abs(fine).max() + 1e-15
+
+
+@pytest.mark.parametrize("law", ["sphere", "everywhere"])
+def test_a_third_mode_that_stands_still_leaves_the_means_of_two(law):
+    two, three = means(LAWS[law], 9.2, 10.0, 0.5)[:, 0], means(LAWS[law], 9.2, 10.0, 0.5, 1e-6)[:, 0]
+    assert np.abs(np.delete(three, [3, 6]) - two).max() < 1e-9 * np.abs(two).max()
 
 
 def test_hertzian_means_are_the_closed_forms_of_shallow_contact():

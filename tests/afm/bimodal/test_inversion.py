@@ -122,10 +122,10 @@ def test_a_map_is_saved_loaded_and_drawn(tmp_path):
     [
         (lambda: afm.bimodal(PROBE, VISCOUS, AM_FM, Zc_nm=20.0), "not by 1 modes"),
         (lambda: afm.bimodal(PROBE, VISCOUS, (afm.AM(A0_nm=30.0), afm.FM(A_nm=0.5))), "setpoint_nm"),
-        (lambda: afm.bimodal(PROBE, VISCOUS, AM_FM[:1]), "two of AM"),
+        (lambda: afm.bimodal(PROBE, VISCOUS, AM_FM[:1]), "2 of AM"),
         (lambda: afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_Gpa": 1.0}), "E_GPa"),
         (lambda: afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_GPa": 1e9}), "in Pa"),
-        (lambda: afm.bimodal_map({"lag_deg": 60.0}, PROBE, VISCOUS, AM_FM), "there are five equations"),
+        (lambda: afm.bimodal_map({"lag_deg": 60.0}, PROBE, VISCOUS, AM_FM), "there are 5 equations"),
         (lambda: afm.bimodal_map(NEGATIVE, PROBE, VISCOUS, AM_FM), "positive, in nm"),
         (lambda: afm.bimodal_map({"lag": 60.0}, PROBE, VISCOUS, AM_FM), "lag_deg"),
         (lambda: afm.FM(A_nm=0.5, A0_nm=0.5), "exactly one"),

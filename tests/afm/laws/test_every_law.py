@@ -54,6 +54,10 @@ LAWS = {
     ),
     "Meniscus": (SPHERE + afm.Meniscus(gamma_N_m=0.02, V_nm3=5.0, on_nm=0.6), 15.0, "0", "0", True),
     "Electrostatic": (SPHERE + afm.Electrostatic(bias_V=1.0, cpd_V=0.3), 15.0, "0", "0", False),
+    "ElectrostaticTip": (
+        SPHERE + afm.ElectrostaticTip(bias_V=1.0, cpd_V=0.3, half_angle_deg=20.0, cone_height_nm=5e3),
+        15.0, "0", "0", False,
+    ),
     "MagneticDipoles": (
         afm.MagneticDipoles(tip_A_nm2=100.0, sample_A_nm2=-100.0, centres_nm=40.0), 15.0, "0", "0", False,
     ),

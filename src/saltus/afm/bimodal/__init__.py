@@ -1,1 +1,1 @@
-"""Bimodal microscopy: set points of two modes and their readings, to the sample's values and back, in maps."""
+"""Bimodal microscopy: set points of two or three modes and their readings, to the sample's values and back, in maps."""

@@ -1,6 +1,6 @@
 """The way from afar into the sample at given drives: amplitudes at each closest approach, and where a condition is met.
 
-Where both amplitudes are held, the way goes along the closest approach. Where an amplitude is free, the way may turn
+Where all amplitudes are held, the way goes along the closest approach. Where an amplitude is free, the way may turn
 back in distance and in closest approach, and is followed by arclength. Each change of sign of the condition that sets
 the distance is a solution.
 """
@@ -31,7 +31,7 @@ _LONGEST = 0.3  # step of it, at most
 _SHORTEST = 1e-5  # step of it, at least
 _CORRECTIONS = 4  # Newton's steps at each place
 _TRIES = 25  # Newton's steps from a guess
-# guesses of a motion in contact: depth over the amplitude, amplitudes over the free ones
+# guesses of a motion in contact: depth over the amplitude, amplitudes over the free ones, of the first mode and others
 _GUESSES = tuple((depth, *shares) for shares in ((0.9, 0.25), (0.8, 0.1), (0.95, 0.6)) for depth in (0.02, 0.06, 0.2))
 _SETTLED = 1e-6  # last correction
 _STRAIGHT = 0.9  # cosine of the angle by which the way may turn in a step
@@ -41,12 +41,11 @@ class Approach(NamedTuple):
     """What is known at each place, shape (place, pixel)."""
 
     c: Floats
-    A1: Floats
-    A2: Floats
+    A: Floats  # (place, mode, pixel)
     # what the condition of the distance lacks; one of an amplitude is met with the drive ahead of 0 degrees, or of 180
     lack: Floats
     other_lack: Floats
-    virial: Floats  # of both modes, in aJ
+    virial: Floats  # of all modes, in aJ
 
 
 def depths(contact: bool, far: float, deep: float) -> Floats:
@@ -76,7 +75,7 @@ def from_contact(balance: Balance, modes: Sequence[AM | FM], q: Floats, Zc: Floa
 
 
 def _as_approach(rows: Sequence[tuple[Floats, ...]]) -> Approach:
-    return Approach(*(np.array([row[i] for row in rows]) for i in range(6)))
+    return Approach(*(np.array([row[i] for row in rows]) for i in range(5)))
 
 
 class _Way:
@@ -84,14 +83,15 @@ class _Way:
 
     def __init__(self, balance: Balance, modes: Sequence[AM | FM], q: Floats, Zc: Floats | None) -> None:
         self.balance, self.modes, self.q, self.Zc = balance, modes, q, Zc
-        self.held = [{name: q[balance.at[name + end]] for name in OF_MODES} for end in ("", "_2")]
-        self.free = [i for i in (0, 1) if not np.isfinite(self.held[i]["amplitude_nm"]).all()]
+        self.all = range(len(modes))
+        self.held = [{name: q[balance.at[name + end]] for name in OF_MODES} for end in balance.ends]
+        self.free = [i for i in self.all if not np.isfinite(self.held[i]["amplitude_nm"]).all()]
         self.amplitudes = np.array(
             [
                 _free_amplitude(balance, i, self.held[i], isinstance(modes[i], AM))
                 if i in self.free
                 else self.held[i]["amplitude_nm"]
-                for i in (0, 1)
+                for i in self.all
             ]
         )
         self.size = float(self.amplitudes.max())
@@ -101,18 +101,18 @@ class _Way:
     def at(self, depth: Floats, amplitudes: Floats) -> tuple[list[_Mode], tuple[Floats, ...]]:
         """The equations at a depth of the closest approach, and what is recorded there."""
         at, own = self.balance.at, self.q.copy()
-        c = self.level - depth + amplitudes[0] + amplitudes[1]
-        own[at["mean_gap_nm"]], own[at["amplitude_nm"]], own[at["amplitude_nm_2"]] = c, *amplitudes
+        c = self.level - depth + amplitudes.sum(0)
+        own[at["mean_gap_nm"]], own[[at[name] for name in self.balance.amplitudes]] = c, amplitudes
         means = self.balance.means(own, ROUGH)
-        equations = [_Mode(self.balance, i, self.modes[i], self.held[i], list(amplitudes), means) for i in (0, 1)]
+        equations = [_Mode(self.balance, i, self.modes[i], self.held[i], list(amplitudes), means) for i in self.all]
         setting = next((one for one in equations if one.mode.sets_distance), None)
-        gap = c - self.bend * means[0, 0] - (math.nan if self.Zc is None else self.Zc)
+        gap = c - self.bend * means[0, 0, 0] - (math.nan if self.Zc is None else self.Zc)
         lacks = (gap, np.full_like(c, math.nan)) if setting is None else setting.conditions()
-        virial = amplitudes[0] * means[1, 0] + amplitudes[1] * means[2, 0]
-        return equations, (c, *amplitudes, *lacks, virial)
+        virial = np.sum(amplitudes * means[0, 1:, 0], axis=0)
+        return equations, (c, amplitudes, *lacks, virial)
 
     def plain(self) -> list[tuple[Floats, ...]]:
-        """The way where both amplitudes are held."""
+        """The way where all amplitudes are held."""
         places = depths(self.contact, self.far, 4.0 * self.size)
         return [self.at(np.full(self.q.shape[1], depth), self.amplitudes)[1] for depth in places]
 
@@ -123,7 +123,7 @@ class _Way:
             w = np.concatenate(
                 [
                     np.full((1, found.shape[1]), self.place(depth * self.size)),
-                    np.log(self.amplitudes[self.free] * np.array([shares[i] for i in self.free])[:, None]),
+                    np.log(self.amplitudes[self.free] * np.array([shares[min(i, 1)] for i in self.free])[:, None]),
                 ]
             )
             still = np.zeros_like(w)  # the first free amplitude is kept, and the depth is found that belongs to it
@@ -175,11 +175,11 @@ class _Way:
         told = [self.at(depth, amplitudes)[0][i].amplitude() for i in self.free]
         A0 = np.array([self.held[i]["excitation_nm"] for i in self.free])
         stretch = np.sqrt(depth**2 + _CLOSE**2) if self.contact else -depth
-        slopes = np.array([[one[2] * stretch, *(one[j] * amplitudes[j] for j in self.free)] for _, one in told])
+        slopes = np.array([[one[-1] * stretch, *(one[j] * amplitudes[j] for j in self.free)] for _, one in told])
         return np.array([lack for lack, _ in told]) / A0, slopes / A0[:, None]
 
     def whole(self, w: Floats) -> Floats:
-        """Both amplitudes."""
+        """All amplitudes."""
         amplitudes = self.amplitudes.copy()
         amplitudes[self.free] = np.exp(np.clip(w[1:], -50.0, 50.0))
         return amplitudes
@@ -227,13 +227,12 @@ class _Mode:
     ) -> None:
         self.mode, self.held, self.f0 = mode, held, balance.f0[i]
         A, k, Q = amplitudes[i], balance.k[i], balance.Q[i]
-        own = np.array([float(i == j) for j in (0, 1, 2)])[:, None]
+        own = np.array([float(i == j) for j in range(len(amplitudes) + 1)])[:, None]
         factor, omega0 = 2.0 * Q / k, 2e-3 * math.pi * balance.f0[i]
-        elastic, damping = means[1 + i, 0], means[3 + i, 0]
+        elastic, damping = means[:, 1 + i, 0]
         # at one closest approach the mean gap moves with the amplitudes
         elastic_A, damping_A = (
-            np.array([means[row, 2] + means[row, 1], means[row, 3] + means[row, 1], -means[row, 1]])
-            for row in (1 + i, 3 + i)
+            np.concatenate([mean[2 : 2 + len(amplitudes)] + mean[1], -mean[1:2]]) for mean in means[:, 1 + i]
         )
         if np.isfinite(held["shift_Hz"]).all():
             r, r_A = 1.0 + 1e-3 * held["shift_Hz"] / self.f0, np.zeros_like(elastic_A)
@@ -275,12 +274,12 @@ class _Mode:
 def started(balance: Balance, modes: Sequence[AM | FM], q: Floats) -> Floats:
     """Fill readings that are not held, at the mean gap and the amplitudes that `q` has."""
     at = balance.at
-    held = [{name: q[at[name + end]] for name in OF_MODES} for end in ("", "_2")]
+    held = [{name: q[at[name + end]] for name in OF_MODES} for end in balance.ends]
     amplitudes = [one["amplitude_nm"] for one in held]
     means, out = balance.means(q, ROUGH), q.copy()
-    for i, end in enumerate(("", "_2")):
+    for i, end in enumerate(balance.ends):
         for name, value in _Mode(balance, i, modes[i], held[i], amplitudes, means).readings().items():
             out[at[name + end]] = value
     if not np.isfinite(out[at["Zc_nm"]]).all():
-        out[at["Zc_nm"]] = out[at["mean_gap_nm"]] - float(np.sum(1.0 / balance.k)) * means[0, 0]
+        out[at["Zc_nm"]] = out[at["mean_gap_nm"]] - float(np.sum(1.0 / balance.k)) * means[0, 0, 0]
     return out

@@ -1,14 +1,19 @@
-"""Means of a law's force over two independent phases, with derivatives: the tip moves by two cosines over the sample.
+"""Means of a law's force over independent phases, with derivatives: the tip moves by two or three cosines.
 
 The gap is ``D = c + A1 cos(phi1) + A2 cos(phi2)``. With ``psi = pi - phi`` and ``u = sin(psi/2)**2`` it is
 ``c - A1 - A2 + 2 A1 u1 + 2 A2 u2``. A layer that acts below a level is integrated over ``sin(psi/2) = s sin(alpha)``,
 where s is the value at the level. The depth is then ``h cos(alpha)**2``, and roots of it are smooth. Above the level,
 ``cos(psi/2) = sqrt(1 - s**2) cos(gamma)``. Gauss-Legendre nodes in these angles converge geometrically.
+
+A third cosine, of the least amplitude, moves the mean gap of the other two. Their means are smooth in the gap but
+where contact begins, and where it begins to last over a turn of one of them. The third angle is cut there, with nodes
+that are denser at the cuts.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,12 +21,13 @@ from numpy.typing import NDArray
 
 from saltus.afm.bimodal.layers import Layers, Values
 
-__all__ = ["FINE", "MOMENTS", "ROUGH", "STANDARD", "Motion", "Nodes", "averages"]
+__all__ = ["FINE", "ROUGH", "STANDARD", "Motion", "Nodes", "averages"]
 
 Floats = NDArray[np.float64]
 
-MOMENTS = 5  # <F>, <F cos phi1>, <F cos phi2>, <gamma sin(phi1)**2>, <gamma sin(phi2)**2>
 _CHUNK = 30_000  # nodes that are held at once
+_BLOCK = 1_000  # pixels with three modes that are held at once
+_NARROW = 1e-10  # piece of the third angle that is left out
 
 
 class Nodes(NamedTuple):
@@ -30,52 +36,113 @@ class Nodes(NamedTuple):
     contact: int
     outer: int
     far: int
+    third: int  # in each piece of it
 
 
-ROUGH = Nodes(6, 6, 12)
-STANDARD = Nodes(12, 14, 24)
-FINE = Nodes(20, 28, 40)
+ROUGH = Nodes(6, 6, 12, 5)
+STANDARD = Nodes(12, 14, 24, 12)
+FINE = Nodes(20, 28, 40, 20)
 
 
 class Motion(NamedTuple):
-    """Mean gap and amplitudes in nm, each of shape (pixel,)."""
+    """Mean gap and amplitudes, in nm."""
 
-    c: Floats
-    A1: Floats
-    A2: Floats
+    c: Floats  # (pixel,)
+    A: Floats  # (mode, pixel)
 
 
 def averages(layers: Layers, motion: Motion, p: Values, nodes: Nodes = STANDARD) -> Floats:
-    """Return the means of `MOMENTS` with their derivatives along c, A1, A2 and the parameters.
+    """Return means with their derivatives along the mean gap, the amplitudes and the parameters.
 
     Returns
     -------
-    ndarray, shape (5, 4 + parameter, pixel)
+    ndarray, shape (2, 1 + mode, 2 + mode + parameter, pixel)
+        Of the force, its mean and its means times ``cos(phi)`` of each mode. Of the damping, its mean and its means
+        times ``sin(phi)**2``. Each stands before its derivatives.
     """
-    total = len(motion.c)
-    out = np.empty((MOMENTS, 4 + len(layers.names), total))
-    size = max(1, _CHUNK // (nodes.outer * (nodes.contact + nodes.far)))
-    swapped = motion.A2 > motion.A1  # the larger amplitude is integrated over first
-    for swap in (False, True):
-        mine = np.flatnonzero(swapped == swap)
-        for some in (mine[i : i + size] for i in range(0, len(mine), size)):
-            c, A1, A2 = (one[some] for one in motion)
-            own = {name: np.broadcast_to(p[name], total)[some] for name in layers.names}
-            found = _Sums(layers, Motion(c, A2, A1) if swap else Motion(c, A1, A2), own, nodes).total()
-            if swap:
-                found = found[[0, 2, 1, 4, 3]]
-                found[:, [2, 3]] = found[:, [3, 2]]
-            out[:, :, some] = found
+    modes, total = motion.A.shape
+    out = np.empty((2, 1 + modes, 2 + modes + len(layers.names), total))
+    order = np.argsort(-motion.A, axis=0, kind="stable")  # the larger amplitude is integrated over first
+    for one in permutations(range(modes)):
+        some = np.flatnonzero((order == np.array(one)[:, None]).all(0))
+        if not len(some):
+            continue
+        own = {name: np.broadcast_to(p[name], total)[some] for name in layers.names}
+        sums = _of_two if modes == 2 else _of_three
+        found = sums(layers, Motion(motion.c[some], motion.A[list(one)][:, some]), own, nodes)
+        whole = found.copy()
+        whole[:, [1 + i for i in one]] = found[:, 1:]
+        columns = whole[:, :, 2 : 2 + modes].copy()
+        whole[:, :, [2 + i for i in one]] = columns
+        out[..., some] = whole
     return out
+
+
+def _of_two(layers: Layers, motion: Motion, p: Values, nodes: Nodes) -> Floats:
+    """Means over two phases, the second of the smaller amplitude."""
+    total = len(motion.c)
+    out = np.empty((2, 3, 4 + len(layers.names), total))
+    size = max(1, _CHUNK // (nodes.outer * (nodes.contact + nodes.far)))
+    for some in (slice(i, i + size) for i in range(0, total, size)):
+        own = {name: value[some] for name, value in p.items()}
+        out[..., some] = _Sums(layers, Motion(motion.c[some], motion.A[:, some]), own, nodes).total()
+    return out
+
+
+def _of_three(layers: Layers, motion: Motion, p: Values, nodes: Nodes) -> Floats:
+    """Means over three phases, the last of the least amplitude: sums over its nodes of means over the other two."""
+    total = len(motion.c)
+    out = np.zeros((2, 4, 5 + len(layers.names), total))
+    for start in range(0, total, _BLOCK):
+        block = slice(start, start + _BLOCK)
+        own = {name: value[block] for name, value in p.items()}
+        c, A = motion.c[block], motion.A[:, block]
+        pixel, angle, weight = _third(layers, Motion(c, A), own, nodes.third)
+        if not len(pixel):
+            continue
+        u = np.sin(angle) ** 2
+        cosine = 2.0 * u - 1.0
+        moved = Motion(c[pixel] + A[2, pixel] * cosine, A[:2, pixel])
+        inner = _of_two(layers, moved, {name: value[pixel] for name, value in own.items()}, nodes)
+        last = inner[:, 0] * np.stack([cosine, 4.0 * u * (1.0 - u)])[:, None]
+        rows = np.concatenate([inner, last[:, None]], axis=1)
+        whole = np.insert(rows, 4, rows[:, :, 1] * cosine, axis=2) * weight
+        firsts = np.flatnonzero(np.diff(pixel, prepend=-1))
+        out[..., start + pixel[firsts]] = np.add.reduceat(whole, firsts, axis=-1)
+    return out
+
+
+def _third(layers: Layers, motion: Motion, p: Values, count: int) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """Nodes of half the third angle from the closest approach: which pixel each is of, angle, weight of the mean."""
+    first, second, third = motion.A
+    low = motion.c - motion.A.sum(0)
+    cuts = [np.zeros_like(low), np.ones_like(low)]
+    for i in range(len(layers.levels)):
+        below = layers.level(i, p)[0] - low
+        cuts += [(below - lasting) / (2.0 * third) for lasting in (0.0, 2.0 * second, 2.0 * first)]
+        cuts.append((below - 2.0 * (first + second)) / (2.0 * third))
+    ends = np.sort(np.arcsin(np.sqrt(np.clip(np.array(cuts), 0.0, 1.0))), axis=0)
+    width = np.diff(ends, axis=0)
+    pixel, piece = np.nonzero(width.T > _NARROW)
+    begin, wide = ends[piece, pixel][:, None], width[piece, pixel][:, None]
+    roots, weights = np.polynomial.legendre.leggauss(count)
+    t = 0.5 * (roots + 1.0)
+    cut_below, cut_above = begin > 0.0, begin + wide < np.pi / 2 - _NARROW
+    kinds = [cut_below & cut_above, cut_below, cut_above]
+    share = np.select(kinds, [t**3 * (10.0 - 15.0 * t + 6.0 * t**2), t**3, 1.0 - (1.0 - t) ** 3], t)
+    rate = np.select(kinds, [30.0 * (t * (1.0 - t)) ** 2, 3.0 * t**2, 3.0 * (1.0 - t) ** 2], 1.0)
+    weight = wide * rate * weights / np.pi
+    return np.repeat(pixel, count), (begin + wide * share).ravel(), weight.ravel()
 
 
 class _Sums:
     """The sums over nodes of some pixels."""
 
     def __init__(self, layers: Layers, motion: Motion, p: Values, nodes: Nodes) -> None:
-        self.layers, self.motion, self.p, self.nodes = layers, motion, p, nodes
-        self.low = motion.c - motion.A1 - motion.A2
-        self.out = np.zeros((len(motion.c), MOMENTS, 4 + len(layers.names)))
+        self.layers, self.p, self.nodes = layers, p, nodes
+        self.A1, self.A2 = motion.A
+        self.low = motion.c - self.A1 - self.A2
+        self.out = np.zeros((len(motion.c), 2, 3, 4 + len(layers.names)))
 
     def total(self) -> Floats:
         depth = np.full(len(self.low), -1.0)
@@ -86,7 +153,7 @@ class _Sums:
             depth = below if i == 0 else depth
         if not self.layers.empty[0]:
             self.above(depth)
-        return self.out.transpose(1, 2, 0)
+        return self.out.transpose(1, 2, 3, 0)
 
     def contact(self, i: int, level: Floats, below: Floats, along: Floats) -> None:
         """Add what layer i + 1 contributes below its level, and what moves with the level."""
@@ -94,7 +161,7 @@ class _Sums:
         if not len(some) or (self.layers.empty[i + 1] and (i or self.layers.empty[0])):
             return
         u2, rate2, h = self.outer(some, below)
-        A1 = self.motion.A1[some][:, None]
+        A1 = self.A1[some][:, None]
         alpha, weight = _gauss(self.nodes.contact)
         q, s2 = np.minimum(1.0, 2.0 * A1 / h), np.minimum(1.0, h / (2.0 * A1))
         sin2 = np.sin(alpha) ** 2
@@ -106,7 +173,7 @@ class _Sums:
 
     def outer(self, some: NDArray[np.intp], below: Floats) -> tuple[Floats, Floats, Floats]:
         """Nodes of the second phase where the tip comes below a level: u2, weight, depth reached there."""
-        A2, h2 = self.motion.A2[some][:, None], below[some][:, None]
+        A2, h2 = self.A2[some][:, None], below[some][:, None]
         beta, weight = _gauss(self.nodes.outer)
         s2, sin2 = np.minimum(1.0, h2 / (2.0 * A2)), np.sin(beta) ** 2
         u2 = s2 * sin2
@@ -122,16 +189,16 @@ class _Sums:
         touching = np.flatnonzero(depth > 0.0)
         if len(touching):
             u2, rate2, h = self.outer(touching, depth)
-            A1 = self.motion.A1[touching][:, None, None]
+            A1 = self.A1[touching][:, None, None]
             rest = np.maximum(0.0, 1.0 - h[..., None] / (2.0 * A1))
             u1 = 1.0 - rest * np.cos(gamma) ** 2
             rate1 = 2.0 * np.sqrt(rest) * np.sin(gamma) / np.sqrt(u1) * weight
             level = (self.low + depth)[touching][:, None, None]
             D = level + 2.0 * A1 * rest * sin2
             self.add(0, touching, D, u1, u2[..., None], rate1 * rate2[..., None])
-        apart = np.flatnonzero(depth < 2.0 * self.motion.A2)
+        apart = np.flatnonzero(depth < 2.0 * self.A2)
         if len(apart):
-            A1, A2 = self.motion.A1[apart][:, None, None], self.motion.A2[apart][:, None]
+            A1, A2 = self.A1[apart][:, None, None], self.A2[apart][:, None]
             s2 = np.maximum(0.0, depth[apart][:, None] / (2.0 * A2))
             beta, dense = _gauss(self.nodes.outer)
             beta, dense = np.pi / 2 * (beta / (np.pi / 2)) ** 2, dense * 2.0 * beta / (np.pi / 2)
@@ -145,17 +212,16 @@ class _Sums:
         n, p = len(some), {name: value[some][:, None, None] for name, value in self.p.items()}
         values = self.layers.layer(i, D, p)
         moved = [np.ones_like(D), np.broadcast_to(2.0 * u1 - 1.0, D.shape), np.broadcast_to(2.0 * u2 - 1.0, D.shape)]
-        shares = _shares(u1, u2)
-        for part, places in ((0, slice(0, 3)), (1, slice(3, 5))):
+        for part, shares in enumerate(_shares(u1, u2)):
             if not values[part].any():
                 continue
             force, slope, *along = values[part]
             columns = np.stack([force, *(slope * one for one in moved), *along])
             with np.errstate(invalid="ignore"):
-                factors = np.stack([np.broadcast_to(one * weight / np.pi**2, D.shape) for one in shares[places]])
+                factors = np.stack([np.broadcast_to(one * weight / np.pi**2, D.shape) for one in shares])
             left = factors.reshape(len(factors), n, -1).transpose(1, 0, 2)
             right = columns.reshape(len(columns), n, -1).transpose(1, 2, 0)
-            self.out[some, places] += left @ right
+            self.out[some, part] += left @ right
 
     def edge(self, i: int, some: NDArray[np.intp], level: Floats, along: Floats, crossing: tuple[Any, ...]) -> None:
         """Add what a jump of the force at a level contributes to the derivatives, as the level moves."""
@@ -170,23 +236,19 @@ class _Sums:
             return
         with np.errstate(divide="ignore", invalid="ignore"):
             sine = 2.0 * np.sqrt(s2 * (1.0 - s2))
-            weight = np.where(passes, rate2 / (self.motion.A1[some][:, None] * sine), 0.0) / np.pi**2
+            weight = np.where(passes, rate2 / (self.A1[some][:, None] * sine), 0.0) / np.pi**2
         moved = [np.broadcast_to(-one, s2.shape) for one in (np.ones_like(s2), 2.0 * s2 - 1.0, 2.0 * u2 - 1.0)]
         columns = np.stack([*moved, *(np.broadcast_to(one[:, None], s2.shape) for one in along)])
-        for place, share in enumerate(_shares(s2, u2)):
-            force = jump[0 if place < 3 else 1]
-            self.out[some, place, 1:] += np.einsum("n,no,kno->nk", force, share * weight, columns).reshape(n, -1)
+        for part, shares in enumerate(_shares(s2, u2)):
+            for place, share in enumerate(shares):
+                told = np.einsum("n,no,kno->nk", jump[part], share * weight, columns)
+                self.out[some, part, place, 1:] += told.reshape(n, -1)
 
 
-def _shares(u1: Floats, u2: Floats) -> list[Floats]:
-    """What force or damping is multiplied with in each mean."""
-    return [
-        np.ones(np.broadcast_shapes(u1.shape, u2.shape)),
-        2.0 * u1 - 1.0,
-        2.0 * u2 - 1.0,
-        4.0 * u1 * (1.0 - u1),
-        4.0 * u2 * (1.0 - u2),
-    ]
+def _shares(u1: Floats, u2: Floats) -> tuple[list[Floats], list[Floats]]:
+    """What force and damping are multiplied with in each mean."""
+    one = np.ones(np.broadcast_shapes(u1.shape, u2.shape))
+    return [one, 2.0 * u1 - 1.0, 2.0 * u2 - 1.0], [one, 4.0 * u1 * (1.0 - u1), 4.0 * u2 * (1.0 - u2)]
 
 
 @lru_cache(maxsize=16)

@@ -1,4 +1,4 @@
-"""The balance of two modes over a sample: equations between readings, distance and the sample's values."""
+"""The balance of two or three modes over a sample: equations between readings, distance and the sample's values."""
 
 from __future__ import annotations
 
@@ -14,13 +14,19 @@ from saltus.afm.laws.law import Law
 from saltus.afm.probe.probe import Probe
 from saltus.afm.probe.units import ENERGY_EV
 
-__all__ = ["OF_MODES", "READINGS", "Balance"]
+__all__ = ["ENDS", "OF_MODES", "Balance", "mode_of"]
 
 Floats = NDArray[np.float64]
 
 OF_MODES = ("amplitude_nm", "lag_deg", "shift_Hz", "excitation_nm")
-READINGS = tuple(name + end for end in ("", "_2") for name in OF_MODES)
+ENDS = ("", "_2", "_3")  # of the readings of each mode
 _DEGREE = math.pi / 180.0
+
+
+def mode_of(name: str) -> tuple[str, int]:
+    """Return the name that a reading has for the first mode, and the number of its mode from 0."""
+    number = max(i for i, end in enumerate(ENDS) if name.endswith(end))
+    return name.removesuffix(ENDS[number]), number
 
 
 class Balance:
@@ -39,7 +45,11 @@ class Balance:
         self.weights = np.array(probe.optical_weights)
         self.layers: Layers = layers_of(law, probe.R_nm)
         self.own = {"R_nm": probe.R_nm, **law.parameters}
-        self.names = ("mean_gap_nm", "Zc_nm", *READINGS, *self.layers.names)
+        self.ends = ENDS[: probe.modes]
+        self.equations = 2 * probe.modes + 1
+        self.readings = tuple(name + end for end in self.ends for name in OF_MODES)
+        self.amplitudes = [f"amplitude_nm{end}" for end in self.ends]
+        self.names = ("mean_gap_nm", "Zc_nm", *self.readings, *self.layers.names)
         self.at = {name: i for i, name in enumerate(self.names)}
 
     def values(self, given: Mapping[str, Floats], pixels: int) -> Floats:
@@ -57,27 +67,33 @@ class Balance:
 
     def means(self, q: Floats, nodes: Nodes = STANDARD) -> Floats:
         """Means of the force; see `averages`."""
-        motion = Motion(*(q[self.at[name]] for name in ("mean_gap_nm", "amplitude_nm", "amplitude_nm_2")))
+        motion = Motion(q[self.at["mean_gap_nm"]], q[[self.at[name] for name in self.amplitudes]])
         return averages(self.layers, motion, self.parameters(q), nodes)
 
+    def unknown_means(self, pixels: int) -> Floats:
+        """Means of no pixel's force, NaN."""
+        modes = len(self.ends)
+        return np.full((2, 1 + modes, 2 + modes + len(self.layers.names), pixels), math.nan)
+
     def residuals(self, q: Floats, means: Floats) -> tuple[Floats, Floats]:
-        """What the five equations lack, and its derivatives along all variables.
+        """What the equations lack, and its derivatives along all variables.
 
         Returns
         -------
-        residual : ndarray, shape (5, pixel)
+        residual : ndarray, shape (equation, pixel)
             Cosine and sine of each mode's drive, in nm; last the mean gap, in nm.
-        slopes : ndarray, shape (5, variable, pixel)
+        slopes : ndarray, shape (equation, variable, pixel)
         """
         at, along = self.at, self._columns()
-        residual, slopes = np.zeros((5, q.shape[1])), np.zeros((5, len(q), q.shape[1]))
-        for i, end in enumerate(("", "_2")):
+        residual = np.zeros((self.equations, q.shape[1]))
+        slopes = np.zeros((self.equations, len(q), q.shape[1]))
+        for i, end in enumerate(self.ends):
             A, lag, shift, A0 = (q[at[name + end]] for name in OF_MODES)
             columns = [at[name + end] for name in OF_MODES]
             k, Q, f0 = self.k[i], self.Q[i], self.f0[i]
             r, omega = 1.0 + 1e-3 * shift / f0, 2e-3 * math.pi * (f0 + 1e-3 * shift)
             cosine, sine, per_Hz = np.cos(lag * _DEGREE), np.sin(lag * _DEGREE), 1e-3 / f0
-            elastic, damping, factor = means[1 + i], means[3 + i], 2.0 * Q / k
+            elastic, damping, factor = *means[:, 1 + i], 2.0 * Q / k
             residual[2 * i] = Q * A * (1.0 - r**2) - factor * elastic[0] - A0 * cosine
             slopes[2 * i, along] = -factor * elastic[1:]
             slopes[2 * i, columns] += [Q * (1.0 - r**2), A0 * sine * _DEGREE, -2.0 * Q * A * r * per_Hz, -cosine]
@@ -90,15 +106,15 @@ class Balance:
                 -sine,
             ]
         bend = float(np.sum(1.0 / self.k))
-        residual[4] = q[at["mean_gap_nm"]] - bend * means[0, 0] - q[at["Zc_nm"]]
-        slopes[4, along] = -bend * means[0, 1:]
-        slopes[4, at["mean_gap_nm"]] += 1.0
-        slopes[4, at["Zc_nm"]] = -1.0
+        residual[-1] = q[at["mean_gap_nm"]] - bend * means[0, 0, 0] - q[at["Zc_nm"]]
+        slopes[-1, along] = -bend * means[0, 0, 1:]
+        slopes[-1, at["mean_gap_nm"]] += 1.0
+        slopes[-1, at["Zc_nm"]] = -1.0
         return residual, slopes
 
     def _columns(self) -> list[int]:
         """The variables along which the means have derivatives."""
-        return [self.at[name] for name in ("mean_gap_nm", "amplitude_nm", "amplitude_nm_2", *self.layers.names)]
+        return [self.at[name] for name in ("mean_gap_nm", *self.amplitudes, *self.layers.names)]
 
     def steps(self, residual: Floats, slopes: Floats, unknown: Sequence[str]) -> Floats:
         """Newton's steps of as many unknowns as equations, shape (unknown, pixel); NaN where singular."""
@@ -123,12 +139,12 @@ class Balance:
 
     def told(self, q: Floats, means: Floats) -> dict[str, Floats]:
         """Further readings: deflection, energies of each mode in a cycle of its own, indentation."""
-        found = {"deflection_pm": 1e3 * float(np.sum(self.weights / self.k)) * means[0, 0]}
+        found = {"deflection_pm": 1e3 * float(np.sum(self.weights / self.k)) * means[0, 0, 0]}
         low = q[self.at["mean_gap_nm"]]
-        for i, end in enumerate(("", "_2")):
+        for i, end in enumerate(self.ends):
             A, f = q[self.at["amplitude_nm" + end]], self.f0[i] + 1e-3 * q[self.at["shift_Hz" + end]]
-            found["virial_eV" + end] = A * means[1 + i, 0] * ENERGY_EV
-            found["E_ts_eV" + end] = 4e-3 * math.pi**2 * f * A**2 * means[3 + i, 0] * ENERGY_EV
+            found["virial_eV" + end] = A * means[0, 1 + i, 0] * ENERGY_EV
+            found["E_ts_eV" + end] = 4e-3 * math.pi**2 * f * A**2 * means[1, 1 + i, 0] * ENERGY_EV
             low = low - A
         if self.layers.levels:
             found["indentation_nm"] = np.maximum(0.0, self.contact(q) - low)

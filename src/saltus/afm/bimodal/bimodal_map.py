@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from saltus import checks
-from saltus.afm.bimodal.balance import OF_MODES
+from saltus.afm.bimodal.balance import OF_MODES, mode_of
 from saltus.afm.models.readings import READINGS, Reading
 from saltus.afm.probe.units import quantity_of
 from saltus.errors import InputError
@@ -40,14 +40,14 @@ _SLOPES = "derivatives"  # variable of derivatives in a Dataset
 
 
 def reading_of(name: str) -> Reading:
-    """Return unit and long name of a column; one of the second mode says so."""
-    first = name.removesuffix("_2")
+    """Return unit and long name of a column; one of a mode says of which."""
+    first, mode = mode_of(name)
     known = _READINGS.get(first) or READINGS.get(first)
     if known is None:
         quantity = quantity_of(name)
         return Reading(quantity.unit if quantity else "", first.split("_")[0])
-    several = name != first or first in (*OF_MODES, "virial_eV", "E_ts_eV")
-    return Reading(known.unit, f"{known.long_name}, mode {1 + (name != first)}" if several else known.long_name)
+    several = mode or first in (*OF_MODES, "virial_eV", "E_ts_eV")
+    return Reading(known.unit, f"{known.long_name}, mode {1 + mode}" if several else known.long_name)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,8 +58,8 @@ class BimodalMap(Result):
     ----------
     columns : mapping of str to ndarray, shape of the map
         ``Zc_nm``, ``mean_gap_nm``, ``indentation_nm``, ``deflection_pm`` and the law's parameters. Readings of modes
-        are ``amplitude_nm``, ``lag_deg``, ``shift_Hz`` and ``excitation_nm``, of the second with ``_2``. Each mode
-        has ``virial_eV`` and ``E_ts_eV``, in a cycle of its own. NaN where there is no solution.
+        are ``amplitude_nm``, ``lag_deg``, ``shift_Hz`` and ``excitation_nm``, of the second and third with ``_2`` and
+        ``_3``. Each mode has ``virial_eV`` and ``E_ts_eV``, in a cycle of its own. NaN where there is no solution.
     found : tuple of str
         The columns that were sought.
     sigma : mapping of str to ndarray

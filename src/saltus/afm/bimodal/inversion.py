@@ -1,4 +1,4 @@
-"""From readings of two modes to the sample's values, pixel by pixel."""
+"""From readings of two or three modes to the sample's values, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy import stats
 from saltus import checks
 from saltus.afm.bimodal.approach import depths
 from saltus.afm.bimodal.averages import FINE, ROUGH, STANDARD, Nodes
-from saltus.afm.bimodal.balance import READINGS, Balance
+from saltus.afm.bimodal.balance import Balance, mode_of
 from saltus.afm.bimodal.bimodal_map import BimodalMap
 from saltus.afm.bimodal.operating_points import checked_modes, spread
 from saltus.afm.bimodal.operation import AM, FM
@@ -55,9 +55,9 @@ def bimodal_map(
     sigma: Mapping[str, ArrayLike] | None = None,
     check: bool = True,
 ) -> BimodalMap:
-    """Return maps of the sample's values from maps of what two modes show.
+    """Return maps of the sample's values from maps of what two or three modes show.
 
-    Each pixel has five equations, two a mode and the mean gap; `bimodal` says what they leave out. Mean gap and
+    Each pixel has two equations a mode and one of the mean gap; `bimodal` says what they leave out. Mean gap and
     distance are unknown as well, as are readings that are missing. Depths from afar to four amplitudes are searched,
     so that no start is needed but the law's values. Each solution is checked by its equations with finer nodes.
 
@@ -65,14 +65,13 @@ def bimodal_map(
     ----------
     readings : mapping of str to array_like
         Maps, which are broadcast together, NaN where a reading is missing: ``amplitude_nm``, ``lag_deg``, ``shift_Hz``,
-        ``excitation_nm``, those of
-        the second mode with ``_2``, and ``Zc_nm`` where it is known. A reading takes the place of the set value that
-        `modes` has.
+        ``excitation_nm``, those of the second and third mode with ``_2`` and ``_3``, and ``Zc_nm`` where it is known.
+        A reading takes the place of the set value that `modes` has.
     probe : Probe
-        Two modes, and the tip's radius.
+        Two or three modes, and the tip's radius.
     law : Law
         The force, with first guesses of the unknowns and the values of all that is known.
-    modes : sequence of two AM or FM
+    modes : sequence of AM or FM
         How each mode was operated, for what is held.
     unknowns : sequence of str, optional
         Parameters of the law that are sought.
@@ -128,25 +127,27 @@ def _inverted(
     check: bool,
 ) -> BimodalMap:
     """Check the names and shapes, and solve."""
-    allowed = ("Zc_nm", *READINGS)
+    allowed = ("Zc_nm", *balance.readings)
     own = checks.mapping("readings", readings, "names to arrays", known=allowed)
     sought = checks.names("unknowns", unknowns, "parameters of the law", least=1)
     for name in sought:
         checks.chosen("unknowns", name, [one for one in balance.layers.names if one != "R_nm"])
-    held = {f"{name}{end}": v for mode, end in zip(modes, ("", "_2"), strict=True) for name, v in mode.held.items()}
+    held = {f"{name}{end}": v for mode, end in zip(modes, balance.ends, strict=True) for name, v in mode.held.items()}
     given = {**held, **own}
-    for name in ("amplitude_nm", "amplitude_nm_2"):
+    for name in balance.amplitudes:
         if name not in given:
             raise InputError("readings", sorted(own), f"with {name}", "the amplitude is neither held nor read")
     errors = dict(checks.mapping("sigma", sigma or {}, "names to arrays", known=allowed))
     if stray := [name for name in errors if name not in given]:
         raise InputError("sigma", stray, "errors of readings that are given or held")
-    missing = [name for name in ("Zc_nm", *READINGS) if name not in given]
+    missing = [name for name in ("Zc_nm", *balance.readings) if name not in given]
     unknown = ["mean_gap_nm", *missing, *sought]
-    freedom = 5 - len(unknown)
+    freedom = balance.equations - len(unknown)
     if freedom < 0:
         hint = f"besides {', '.join(missing)}, which are not read"
-        raise InputError("unknowns", list(sought), f"at most {len(sought) + freedom}: there are five equations", hint)
+        raise InputError(
+            "unknowns", list(sought), f"at most {len(sought) + freedom}: there are {balance.equations} equations", hint
+        )
     maps, shape = spread(given, check, errors)
     q = balance.values({name: maps[name] for name in given}, math.prod(shape))
     for name in missing:
@@ -183,7 +184,7 @@ class _Inversion:
     def starts(self) -> tuple[Floats, NDArray[np.intp]]:
         """Variables at depths where the equations are met best in their surroundings, and which pixel each is of."""
         q, at = self.q, self.balance.at
-        amplitudes = q[at["amplitude_nm"]] + q[at["amplitude_nm_2"]]
+        amplitudes = q[[at[name] for name in self.balance.amplitudes]].sum(0)
         size = float(np.nanmax(amplitudes))
         places = depths(bool(self.balance.layers.levels), size, 4.0 * size)
         if self.balance.layers.empty[0]:
@@ -366,7 +367,7 @@ class _Inversion:
         gains = -(normal @ weighed.slopes.transpose(0, 2, 1) @ weighed.readings)
         slopes = np.full((len(self.unknown), len(known), self.pixels), math.nan)
         slopes[..., good] = gains.transpose(1, 2, 0)
-        means = np.full((5, 4 + len(balance.layers.names), self.pixels), math.nan)
+        means = balance.unknown_means(self.pixels)
         means[..., good] = balance.means(own)
         values = {name: whole[i] for name, i in balance.at.items()} | balance.told(whole, means)
         sigma = {}
@@ -394,11 +395,11 @@ class _Inversion:
 
     def felt(self, q: Floats, weights: Floats) -> NDArray[np.bool_]:
         """Whether the readings differ from those of a probe without a sample by more than their errors."""
-        means = np.zeros((5, 4 + len(self.balance.layers.names), q.shape[1]))
+        means = np.zeros_like(self.balance.unknown_means(q.shape[1]))
         lack, _ = self.balance.residuals(q, means)
-        lack[4] = 0.0
+        lack[-1] = 0.0
         free = np.sum((weights @ lack.T[..., None]) ** 2, axis=(1, 2))
-        return np.asarray(free > (stats.chi2.isf(_DOUBT, 4) if self.sigma else 1.0))
+        return np.asarray(free > (stats.chi2.isf(_DOUBT, len(lack) - 1) if self.sigma else 1.0))
 
     def unmoved(self, q: Floats, of: NDArray[np.intp], slopes: Floats) -> NDArray[np.bool_]:
         """Whether finer nodes move the unknowns by less than the tolerance."""
@@ -408,5 +409,5 @@ class _Inversion:
         sizes = np.abs(q[self.weighing.rows].T) + 1e-3 * np.abs(q[self.balance.at["amplitude_nm"]])[:, None]
         for i, name in enumerate(self.unknown):
             if name.startswith("shift_Hz"):
-                sizes[:, i] += 1e3 * self.balance.f0[name.endswith("_2") * 1]
+                sizes[:, i] += 1e3 * self.balance.f0[mode_of(name)[1]]
         return np.asarray((np.abs(steps) <= _RESOLVED * sizes).all(1))

@@ -22,7 +22,7 @@ __all__ = ["Layers", "Values", "layers_of"]
 Values = Mapping[str, NDArray[np.float64]]
 _STATES = ("D_nm", "V_nm_us")
 _ALLOWED = "a law whose force depends on the gap, and on its rate in proportion"
-_HINT = "a force that depends on the past has no mean over independent phases: take orbits of afm.model"
+_HINT = "one that depends on the past needs orbits: afm.model with Drive(mode=2, ratio='19/3')"
 
 
 @dataclass(frozen=True)

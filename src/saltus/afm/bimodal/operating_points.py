@@ -1,4 +1,4 @@
-"""From a sample to readings: the operating points of two modes at their set points."""
+"""From a sample to readings: the operating points of two or three modes at their set points."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.afm.bimodal.approach import Approach, approached, from_contact, started
 from saltus.afm.bimodal.averages import FINE
-from saltus.afm.bimodal.balance import READINGS, Balance
+from saltus.afm.bimodal.balance import Balance, mode_of
 from saltus.afm.bimodal.bimodal_map import BimodalMap
 from saltus.afm.bimodal.operation import AM, FM
 from saltus.afm.bimodal.reasons import Reasons
@@ -43,19 +43,20 @@ def bimodal(
     regime: str = "repulsive",
     check: bool = True,
 ) -> BimodalMap:
-    """Return readings of two modes that are held at their set points over a sample, pixel by pixel.
+    """Return readings of two or three modes that are held at their set points over a sample, pixel by pixel.
 
-    The tip moves by two cosines, whose phases are independent. Forces are averaged over both phases. This is exact for
-    frequencies without a whole ratio, up to terms of the order of 1/Q: higher harmonics and mixed tones are left out.
+    The tip moves by a cosine a mode, whose phases are independent. Forces are averaged over the phases. This is exact
+    for frequencies without a whole ratio, up to terms of the order of 1/Q: higher harmonics and mixed tones are left
+    out.
 
     Parameters
     ----------
     probe : Probe
-        Two modes, and the tip's radius.
+        Two or three modes, and the tip's radius.
     law : Law
         The force: elastic in the gap, with losses in proportion to its rate. Contact ends where it begins.
-    modes : sequence of two AM or FM
-        How each mode is operated.
+    modes : sequence of AM or FM
+        How each mode of the probe is operated.
     Zc_nm : array_like, optional
         Distance, in nm. Left out where a set point of one mode holds the distance, which is then found.
     parameters : mapping of str to array_like, optional
@@ -116,9 +117,9 @@ def _operating(
     if Zc_nm is not None:
         given["Zc_nm"] = Zc_nm
     maps, shape = spread(given, check)
-    held = {f"{name}{end}": v for mode, end in zip(modes, ("", "_2"), strict=True) for name, v in mode.held.items()}
+    held = {f"{name}{end}": v for mode, end in zip(modes, balance.ends, strict=True) for name, v in mode.held.items()}
     q = balance.values({**{name: np.full(1, value) for name, value in held.items()}, **maps}, math.prod(shape))
-    unknown = ["mean_gap_nm", *(name for name in ("Zc_nm", *READINGS) if name not in {**held, **maps})]
+    unknown = ["mean_gap_nm", *(name for name in ("Zc_nm", *balance.readings) if name not in {**held, **maps})]
     way = approached(balance, modes, q, maps.get("Zc_nm"))
     sign = 1.0 if regime == "attractive" else -1.0
     chosen, counts, others = _chosen(way, sign)
@@ -128,7 +129,7 @@ def _operating(
     if beyond is not None:
         chosen[:, rest], counts[rest], further = _chosen(beyond, sign)
         others[rest] += further
-    for name, values in zip(("mean_gap_nm", "amplitude_nm", "amplitude_nm_2"), chosen, strict=True):
+    for name, values in zip(("mean_gap_nm", *balance.amplitudes), chosen, strict=True):
         q[balance.at[name]] = values
     good = np.flatnonzero(counts > 0)
     reasons = Reasons(counts.size)
@@ -148,14 +149,15 @@ def _operating(
 
 
 def checked_modes(probe: Probe, law: Law, modes: Sequence[AM | FM]) -> Balance:
-    """Return the balance of a probe with two modes, each of which is operated in one way."""
+    """Return the balance of a probe with two or three modes, each of which is operated in one way."""
     checks.instance("probe", probe, Probe)
     checks.instance("law", law, Law)
-    if probe.modes != 2:
-        raise InputError("probe", probe.modes, "a probe with two modes", "Probe(k_N_m=(2, 80), ...)")
-    listed = checks.listed("modes", modes, "two of AM(...) and FM(...)")
-    if len(listed) != 2:
-        raise InputError("modes", len(listed), "two of AM(...) and FM(...), one a mode of the probe")
+    if probe.modes not in (2, 3):
+        raise InputError("probe", probe.modes, "a probe with two or three modes", "Probe(k_N_m=(2, 80), ...)")
+    listed = checks.listed("modes", modes, "AM(...) and FM(...)")
+    if len(listed) != probe.modes:
+        allowed = f"{probe.modes} of AM(...) and FM(...), one a mode of the probe"
+        raise InputError("modes", len(listed), allowed)
     for number, mode in enumerate(listed, 1):
         checks.instance(f"modes[{number - 1}]", mode, AM | FM)
     return Balance(probe, law)
@@ -185,14 +187,14 @@ def spread(
         checks.refuse(name, value, np.isinf(value), "finite, or NaN where it is missing")
         known = value[np.isfinite(value)]
         for one in (float(known.min()), float(known.max())) if known.size else ():
-            checked(name, one, plausible=check, quantity=_QUANTITIES.get(name.removesuffix("_2")))
+            checked(name, one, plausible=check, quantity=_QUANTITIES.get(mode_of(name)[0]))
     return {name: np.broadcast_to(value, shape).ravel() for name, value in arrays.items()}, shape
 
 
 def _chosen(way: Approach, sign: float) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """Return gap and amplitudes where the condition is met first, and how many such places there are of each sign."""
     pixels = way.c.shape[1]
-    chosen, counts = np.full((3, pixels), math.nan), np.zeros((2, pixels), dtype=np.int64)
+    chosen, counts = np.full((1 + way.A.shape[1], pixels), math.nan), np.zeros((2, pixels), dtype=np.int64)
     for i, lack in ((i, lack) for i in range(len(way.c) - 1) for lack in (way.lack, way.other_lack)):
         before, after = lack[i], lack[i + 1]
         meets = (before * after < 0.0) | ((after == 0.0) & (before != 0.0))
@@ -200,8 +202,8 @@ def _chosen(way: Approach, sign: float) -> tuple[NDArray[np.float64], NDArray[np
         virial = (1.0 - share) * way.virial[i] + share * way.virial[i + 1]
         mine = meets & (np.where(virial == 0.0, sign, virial) * sign > 0.0)
         first = mine & (counts[0] == 0)
-        for row, values in enumerate((way.c, way.A1, way.A2)):
-            chosen[row, first] = ((1.0 - share) * values[i] + share * values[i + 1])[first]
+        for place, values in ((0, way.c), (slice(1, None), way.A)):
+            chosen[place, first] = ((1.0 - share) * values[i] + share * values[i + 1])[..., first]
         counts[0] += mine
         counts[1] += meets & ~mine
     return chosen, counts[0], counts[1]
@@ -210,7 +212,7 @@ def _chosen(way: Approach, sign: float) -> tuple[NDArray[np.float64], NDArray[np
 def _newton(
     balance: Balance, q: NDArray[np.float64], unknown: Sequence[str]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Solve the five equations; return the variables and where Newton's method has converged."""
+    """Solve the equations; return the variables and where Newton's method has converged."""
     rows, q = [balance.at[name] for name in unknown], q.copy()
     active, done = np.arange(q.shape[1]), np.zeros(q.shape[1], dtype=bool)
     for _ in range(_NEWTON):
@@ -232,13 +234,13 @@ def _newton(
 def _sizes(balance: Balance, q: NDArray[np.float64], unknown: Sequence[str]) -> NDArray[np.float64]:
     """Sizes to which steps of the unknowns are compared, shape (unknown, pixel)."""
     at, sizes = balance.at, []
-    whole = q[at["amplitude_nm"]] + q[at["amplitude_nm_2"]]
+    whole = q[[at[name] for name in balance.amplitudes]].sum(0)
     for name in unknown:
-        end = int(name.endswith("_2"))
-        if name.startswith("lag_deg"):
+        of, mode = mode_of(name)
+        if of == "lag_deg":
             sizes.append(np.full(q.shape[1], 90.0))
-        elif name.startswith("shift_Hz"):
-            sizes.append(np.full(q.shape[1], 1e3 * balance.f0[end]))
+        elif of == "shift_Hz":
+            sizes.append(np.full(q.shape[1], 1e3 * balance.f0[mode]))
         elif name in ("mean_gap_nm", "Zc_nm"):
             sizes.append(whole)
         else:
@@ -267,7 +269,7 @@ def _made(
     good = np.isfinite(q).all(0)
     further: dict[str, NDArray[np.float64]] = {}
     slopes = np.full((len(unknown), len(known), q.shape[1]), math.nan)
-    means = np.full((5, 4 + len(balance.layers.names), q.shape[1]), math.nan)
+    means = balance.unknown_means(q.shape[1])
     means[..., good] = balance.means(q[:, good])
     further = {name: value.reshape(shape) for name, value in balance.told(q, means).items()}
     _, jacobian = balance.residuals(q[:, good], means[..., good])

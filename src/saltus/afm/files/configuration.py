@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 from saltus import checks
 from saltus.afm.curves.curves import distance_curve, frequency_curve
 from saltus.afm.curves.identification import fit
-from saltus.afm.files.measured_curves import read_curve
+from saltus.afm.files.measured_curves import read_curve, read_force_table
 from saltus.afm.files.sets import entries_of
 from saltus.afm.laws.known import LAWS
-from saltus.afm.laws.law import Law
+from saltus.afm.laws.law import Law, Tabulated
 from saltus.afm.models.modelling import model
 from saltus.afm.models.readings import CONVENTIONS, lag_of
 from saltus.afm.probe.drive import Drive, Drives
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Experiment", "model_of", "named_experiment", "read_experiment"]
 
+_TYPES = "the name of a law of saltus.afm, as DMT; Tabulated, with a file; or module:Class"
 _ALONG = ("Zc_nm", "f_kHz")  # parameters along which there are curves
 _BELOW = 0.9  # how far below a place its curve goes, over the distance
 _LEAST_BELOW_NM = 1.0  # how far below a place its curve goes, at least, in nm
@@ -156,6 +157,7 @@ def read_experiment(path: Path) -> Experiment:
     path : Path
         The file. ``[probe]``, ``[[law]]`` and ``[drive]`` are needed. A law's ``type`` is the name of a class of
         `saltus.afm`, or ``module:Class`` with a module beside the file; reading the file then runs this module.
+        ``Tabulated`` takes the path of a CSV file as ``file``, with the columns ``D_nm`` and ``F_nN``.
 
     Raises
     ------
@@ -263,18 +265,24 @@ def _tables(name: str, value: object) -> list[dict[str, Any]]:
 
 
 def _law(table: dict[str, Any], folder: Path) -> Law:
+    types: dict[str, Any] = {**LAWS, Tabulated.__name__: partial(_tabulated, folder)}
     if "type" not in table:
-        raise InputError("law.type", None, f"given: {', '.join(LAWS)}, or module:Class")
+        raise InputError("law.type", None, f"given: {_TYPES}")
     kind = checks.text("law.type", table.pop("type"))
-    make: Any = LAWS.get(kind)
+    make = types.get(kind)
     if make is None:
         if ":" not in kind:
-            raise InputError("law.type", kind, f"{', '.join(LAWS)}, or module:Class", nearest(kind, LAWS))
+            raise InputError("law.type", kind, _TYPES, nearest(kind, types))
         make = attribute_of(kind, folder, "law.type")
         if not (isinstance(make, type) and issubclass(make, Law)):
             raise InputError("law.type", kind, "a class that is made from saltus.afm.Law", f"it is {make!r}")
     law: Law = called(make, table, "law")
     return law
+
+
+def _tabulated(folder: Path, file: object) -> Law:
+    """Return the law of a table in a file, whose path counts from the folder."""
+    return Law.tabulated(**read_force_table(folder / checks.path("file", file)))
 
 
 def _curve(

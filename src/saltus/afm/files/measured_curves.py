@@ -22,10 +22,11 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-__all__ = ["read_curve"]
+__all__ = ["read_curve", "read_force_table"]
 
 _ALONG = ("Zc_nm", "f_kHz", "f_Hz")  # columns along which curves are measured
 _FORCE = {"deflection_nm": "nm", "force_nN": "nN"}  # columns of force curves, with their units
+_TABLE = ("D_nm", "F_nN", "sigma_nN")  # columns of a force over the gap
 _DIRECTION = "direction"  # column of the ways
 _TEXT = 2**28  # bytes of a text file, at most
 _TIME = "time_s"  # column of the times of the data
@@ -135,6 +136,42 @@ def read_curve(
         "calibration": dict(held.calibration),
     }
     return table
+
+
+def read_force_table(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float64]]:
+    r"""Return a force over the gap from a CSV file, as `saltus.afm.Law.tabulated` takes it.
+
+    Parameters
+    ----------
+    path : path-like
+        The file. Its header has ``D_nm`` and ``F_nN`` and, if it is known, ``sigma_nN``. Lines that begin with ``#``
+        are comments.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (row,)
+        The columns by their names, in nm and nN.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a column is missing or unknown, or a cell is no number.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = f"{folder}/force.csv"
+    ...     with open(file, "w") as stream:
+    ...         _ = stream.write("D_nm,F_nN\n0.5,-1.6\n1.0,-0.4\n")
+    ...     read_force_table(file)["F_nN"].tolist()
+    [-1.6, -0.4]
+    """
+    table = _cells(checks.path("path", path))
+    names = [str(name) for name in table.columns]
+    if sorted(names) not in (sorted(_TABLE), sorted(_TABLE[:2])):
+        raise InputError("columns", names, f"{_TABLE[0]}, {_TABLE[1]} and, if it is known, {_TABLE[2]}")
+    return {name: _numbers(name, table[name].to_numpy(dtype=object)) for name in names}
 
 
 def _cells(path: Path) -> pd.DataFrame:

@@ -1,15 +1,17 @@
-"""Long-range laws: a meniscus of fixed volume, a voltage between tip and sample, two magnetic dipoles."""
+"""Long-range laws: a meniscus of fixed volume, a voltage between a sphere or a whole tip and a sample, two dipoles."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from saltus.afm.laws.law import Law
 from saltus.afm.laws.regions import Crossing, Region
+from saltus.afm.laws.tips import below_90
 from saltus.errors import InputError
 
-__all__ = ["Electrostatic", "MagneticDipoles", "Meniscus"]
+__all__ = ["Electrostatic", "ElectrostaticTip", "MagneticDipoles", "Meniscus"]
 
 _EPS0 = "8.8541878128e-3"  # permittivity of the vacuum, in nN/V**2
 _MU0 = "1256.63706212"  # permeability of the vacuum, in nN/A**2
@@ -121,6 +123,72 @@ class Electrostatic(Law):
         """One for all gaps."""
         s = "separation_nm"
         return {"everywhere": Region(f"-pi*{_EPS0}*R_nm**2*(bias_V - cpd_V)**2/({s}*({s} + R_nm))", domain=s)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ElectrostaticTip(Law):
+    """Force of a voltage between a conducting cone with a rounded end and a conducting flat.
+
+    With ``Z = s + R (1 - sin(alpha))``, the height at which the sphere meets the cone, and ``T = Z + cone_height_nm``,
+    ``F = -pi eps0 (U - U_cpd)**2 (R**2 (1 - sin(alpha))/(s Z) + k**2 (log(T/Z) - 1 + Z/T + a (1/Z - 1/T)))``, where
+    ``k = 1/log(tan(alpha/2))`` and ``a = R cos(alpha)**2/sin(alpha)``. The first term is the sphere's, the second one
+    the flank's. No energy is lost.
+
+    The source leaves out ``(Z - a)/T``, which counts where the gap is no longer small against the cone. A tip with a
+    free upper edge has a further force from there, nearly constant along the gap. The slope of the force is exact
+    within 12 % for half angles of 15 degrees and more. For 10 degrees it is within 18 %, for 5 degrees within 32 %.
+
+    Parameters
+    ----------
+    bias_V : float
+        Voltage U of the sample against the tip, in V.
+    half_angle_deg : float
+        Angle alpha between the cone's axis and its flank, in degrees.
+    cone_height_nm : float
+        Height of the cone above the place where it meets the sphere, in nm.
+    cpd_V : float, optional
+        Contact potential difference U_cpd, in V: the bias at which there is no field.
+    check : bool, optional
+        Whether implausible values are refused.
+
+    Raises
+    ------
+    InputError
+        A value that is not allowed or, with `check`, not plausible; a half angle of 90 degrees or more.
+
+    References
+    ----------
+    S. Hudlet, M. Saint Jean, C. Guthmann, J. Berger, Eur. Phys. J. B 2, 5 (1998): apex and cone.
+
+    Examples
+    --------
+    >>> law = ElectrostaticTip(bias_V=1.0, half_angle_deg=15.0, cone_height_nm=1e4)
+    >>> round(float(law.force_nN(20.0, R_nm=20.0)), 6)
+    -0.057378
+    """
+
+    positive: ClassVar[tuple[str, ...]] = ("half_angle_deg",)
+
+    bias_V: float
+    half_angle_deg: float
+    cone_height_nm: float
+    cpd_V: float = 0.0
+
+    def __post_init__(self, check: bool) -> None:
+        super().__post_init__(check)
+        below_90(self.half_angle_deg)
+
+    @property
+    def regions(self) -> dict[str, Region]:
+        """One for all gaps."""
+        s, sine = "separation_nm", "sin(pi/180*half_angle_deg)"
+        joint = f"({s} + R_nm*(1 - {sine}))"
+        top = f"({joint} + cone_height_nm)"
+        sphere = f"R_nm**2*(1 - {sine})/({s}*{joint})"
+        arm = f"R_nm*(1 - {sine}**2)/{sine}"
+        flank = f"(log({top}/{joint}) - 1 + {joint}/{top} + {arm}*(1/{joint} - 1/{top}))"
+        force = f"{sphere} + {flank}/log(tan(pi/360*half_angle_deg))**2"
+        return {"everywhere": Region(f"-pi*{_EPS0}*(bias_V - cpd_V)**2*({force})", domain=s)}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_bimodal"]
 
+_WIDTH = 18  # characters of a line of a label beside a curve
 _MISSING = "0.75"  # grey of pixels without a value
 
 
@@ -101,5 +103,5 @@ def _draw_line(panel: Axes, result: BimodalMap, name: str) -> None:
     places = np.arange(result.shape[0])
     error = result.sigma.get(name)
     panel.errorbar(places, result[name], error, fmt=".-", capsize=2.0, lw=1.0)
-    panel.set_ylabel(_label(name))
+    panel.set_ylabel(fill(_label(name), _WIDTH), fontsize="small")
     panel.ticklabel_format(useOffset=False)

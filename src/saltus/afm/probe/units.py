@@ -115,6 +115,7 @@ QUANTITIES = {
     "tau_us": Quantity("us", 1e-2, 1e7, "+"),
     "permittivity": Quantity("", 1.0, 200.0, "+"),
     "half_angle_deg": Quantity("degrees", 1.0, 89.0, "+"),
+    "cone_height_nm": Quantity("nm", 10.0, 1e6, "+"),
     "punch_nm": Quantity("nm", 0.5, 1e6, "+"),
     "thickness_nm": Quantity("nm", 1.0, 1e7, "+"),
     "nu": Quantity("", 1e-3, 0.5),
