@@ -164,7 +164,25 @@ def frequency_curve(
 def from_afar(
     system: HybridSystem, parameters: Mapping[str, float], Zc_nm: float, steps: StepControl | None
 ) -> tuple[PeriodicOrbit, ...]:
-    """Return the motions at a distance to which the free motion afar leads, towards the sample."""
+    """Return the motions at a distance to which the free motion afar leads, towards the sample.
+
+    Raises
+    ------
+    ConvergenceError
+        None is periodic there; the message says where.
+    """
+    try:
+        return _from_afar(system, parameters, Zc_nm, steps)
+    except ConvergenceError as error:
+        place = f"Zc_nm = {Zc_nm:.9g}, f_kHz = {parameters['f_kHz']:.9g}"
+        what = f"motion with which the curve begins, at {place}"
+        told = f"{error}; begin the range where the motion is periodic"
+        raise ConvergenceError(what, error.residual, error.iterations, told) from error
+
+
+def _from_afar(
+    system: HybridSystem, parameters: Mapping[str, float], Zc_nm: float, steps: StepControl | None
+) -> tuple[PeriodicOrbit, ...]:
     steps = steps or STEPS
     patience = periods_of_patience(parameters)
     free = free_amplitude(system, parameters)

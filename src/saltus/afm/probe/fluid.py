@@ -260,7 +260,7 @@ def _check_swings(modes: Sequence[FluidMode]) -> None:
     """Raise `InputError` where a mode is overdamped."""
     least = QUANTITIES["Q"].low
     for number, mode in enumerate(modes, 1):
-        if mode.Q < least:
+        if least > mode.Q:
             allowed = f"at least {least:g} in mode {number}, below which a beam creeps back to rest and does not swing"
             hint = (
                 "a thinner fluid, a wider gap or a stiffer beam has more; fluid_modes tells f0_kHz and Q, which"

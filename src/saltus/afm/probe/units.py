@@ -338,8 +338,8 @@ def _slip(quantity: Quantity, number: float) -> str:
     """Return the question whether another unit was meant, an empty text where nothing makes the number plausible."""
     if quantity.below and abs(number) < quantity.low:
         return f"{quantity.below}; "
-    if slip := other_unit(quantity.unit, [number], lambda one: _within(quantity, one[0])):
-        return slip
+    if told := other_unit(quantity.unit, [number], lambda one: _within(quantity, one[0])):
+        return told
     too, power = ("small", 1.0) if abs(number) < quantity.low else ("large", -1.0)
     for slip in _SLIPS:
         if _within(quantity, number * slip**power):
