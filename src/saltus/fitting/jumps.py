@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -108,7 +107,7 @@ def read_points(
         checks.between("value of a measured point", point.value, *bounds)
         checks.positive("sigma of a measured point", point.sigma)
         checks.chosen("direction", point.direction, ("", *_SIGNS))
-        point = replace(point, direction=_NAMES.get(_SIGNS.get(point.direction, 0.0), ""))
+        point = point._replace(direction=_NAMES.get(_SIGNS.get(point.direction, 0.0), ""))
         if checks.non_negative("reach of a measured point", point.reach) and not point.direction:
             raise InputError(
                 "reach of a measured point", point.reach, "0 without a direction", "name the way: up, down, approach or retract"

@@ -175,9 +175,9 @@ def from_afar(
         return _from_afar(system, parameters, Zc_nm, steps)
     except ConvergenceError as error:
         place = f"Zc_nm = {Zc_nm:.9g}, f_kHz = {parameters['f_kHz']:.9g}"
-        what = f"motion with which the curve begins, at {place}"
-        told = f"{error}; begin the range where the motion is periodic"
-        raise ConvergenceError(what, error.residual, error.iterations, told) from error
+        what = f"periodic motion with which the curve begins, at {place}"
+        hint = "it may be quasi-periodic or chaotic there: begin the range elsewhere"
+        raise ConvergenceError(what, error.residual, error.iterations, hint, unit=error.unit) from error
 
 
 def _from_afar(
