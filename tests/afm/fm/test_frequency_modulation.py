@@ -78,6 +78,14 @@ def test_shift_in_contact_is_the_weighted_force_too():
 
 
 @pytest.mark.campaign
+def test_the_formula_of_small_shifts_misses_orbits_by_the_second_order_of_the_shift(curve):
+    """At the gap about which the bent lever swings, in contact and before it."""
+    for Zc, bent, shift in zip(*(curve.column(name) for name in ("Zc_nm", "deflection_pm", "shift_Hz")), strict=True):
+        wanted = giessibl(26.0, Zc + 1e-3 * bent)
+        assert abs(shift - wanted) < 2.0 * abs(wanted) / 300e3 * abs(wanted), (Zc, shift, wanted)
+
+
+@pytest.mark.campaign
 def test_a_conservative_law_takes_no_excitation(curve):
     np.testing.assert_allclose(curve.column("excitation_nm"), A, rtol=1e-9)
     np.testing.assert_allclose(curve.column("E_ts_eV"), 0.0, atol=1e-8)
