@@ -110,7 +110,10 @@ def read_points(
         point = point._replace(direction=_NAMES.get(_SIGNS.get(point.direction, 0.0), ""))
         if checks.non_negative("reach of a measured point", point.reach) and not point.direction:
             raise InputError(
-                "reach of a measured point", point.reach, "0 without a direction", "name the way: up, down, approach or retract"
+                "reach of a measured point",
+                point.reach,
+                "0 without a direction",
+                "name the way: up, down, approach or retract",
             )
         points.append(point)
     return points

@@ -157,7 +157,9 @@ class Measured:
         """Raise `InputError` where all data have one time, so that nothing can have drifted."""
         if self.times is not None and not np.ptp(self.times) > 0.0:
             hint = "leave the column out, and the place of a datum in the table counts"
-            raise InputError(f"column {TIME!r}", float(self.times[0]), "times that differ, where a drift is sought", hint)
+            raise InputError(
+                f"column {TIME!r}", float(self.times[0]), "times that differ, where a drift is sought", hint
+            )
 
     def passed_at(self, point: MeasuredPoint) -> float:
         """Return which share of the measurement has passed at a measured point, by the data around on its way."""

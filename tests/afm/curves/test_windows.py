@@ -74,7 +74,7 @@ def test_a_curve_that_begins_amid_chaos_says_where(water, monkeypatch):
         raise ConvergenceError("periodic attractor", 0.07, 732, "settle= allows more periods", unit="forcing periods")
 
     monkeypatch.setattr("saltus.afm.curves.curves.free_orbit", chaotic)
-    told = "curve begins, at Zc_nm = 3, f_kHz = 9.28: no convergence, residual 0.07 after 732 forcing periods; .*chaotic"
+    told = "curve begins, at Zc_nm = 3, f_kHz = 9.28: no convergence, residual 0.07 after 732 forcing .*chaotic"
     with pytest.raises(ConvergenceError, match=told):
         afm.frequency_curve(water, (9.28, 9.6))
 

@@ -110,8 +110,8 @@ def test_rows_that_do_not_fit_the_header_are_refused_and_shift_no_column(tmp_pat
 @pytest.mark.parametrize(
     ("content", "values"),
     [
-        ("f_kHz;amplitude_nm\n299,5;7,25\n300;1,5e-1\n".encode(), [7.25, 0.15]),
-        ("f_kHz;amplitude_nm\n299.5;7.25\n300;0.15\n".encode(), [7.25, 0.15]),
+        (b"f_kHz;amplitude_nm\n299,5;7,25\n300;1,5e-1\n", [7.25, 0.15]),
+        (b"f_kHz;amplitude_nm\n299.5;7.25\n300;0.15\n", [7.25, 0.15]),
         ("f_kHz\tamplitude_nm\n299.5\t7.25\n300\t0.15\n".encode("utf-16"), [7.25, 0.15]),
         ("f_kHz,amplitude_nm\r\n299.5,7.25\r\n300,0.15\r\n".encode("utf-8-sig"), [7.25, 0.15]),
     ],

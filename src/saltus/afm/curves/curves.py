@@ -15,7 +15,7 @@ from saltus.afm.models.readings import formulas
 from saltus.afm.models.settling import periods_of_patience, stays_in_contact
 from saltus.afm.probe.units import check_changes, suffix
 from saltus.continuation import StepControl, continue_orbit
-from saltus.errors import InputError
+from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit, find_orbit
 
 if TYPE_CHECKING:

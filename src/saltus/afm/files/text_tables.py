@@ -48,9 +48,7 @@ def cells_of(path: Path) -> pd.DataFrame:
         separator = _separator([line for _, line in lines])
         _check_whole(lines, separator)
         source = io.StringIO("\n".join(line for _, line in lines))
-        table = pd.read_csv(
-            source, sep=separator, comment="#", skipinitialspace=True, dtype=str, keep_default_na=False
-        )
+        table = pd.read_csv(source, sep=separator, comment="#", skipinitialspace=True, dtype=str, keep_default_na=False)
         if not isinstance(table.index, pd.RangeIndex):  # cells without a name would be an index, and shift all others
             raise ValueError("rows have more cells than the header: commas in numbers, or at the ends of rows?")
         if table.empty:

@@ -5,8 +5,8 @@ MacKay, Neural Comput. 4, 415 (1992), has it. Standard errors are those of the p
 
 A force may bend sharply at one place, as where contact begins. Each place is a model with one unknown more, the change
 of the slope there, with a prior that is worth one datum. Models count by their evidence, that without a bend as much as
-all others together (J. A. Hoeting et al., Statist. Sci. 14, 382 (1999)). Errors hold what models differ by, and by how much
-the smoothness rounds the force.
+all others together (J. A. Hoeting et al., Statist. Sci. 14, 382 (1999)). Errors hold what models differ by, and by how
+much the smoothness rounds the force.
 """
 
 from __future__ import annotations
@@ -87,9 +87,7 @@ def inverted(
     stiffness = (1.0 - shares)[:, None] + shares[:, None] * _STRENGTHS
     squares = np.maximum(total - np.sum(along[:, None] ** 2 / stiffness, axis=0), _ROUNDING * total)
     known = errors is not None
-    evidence = _fit(squares, count, known) - 0.5 * (
-        np.log(stiffness).sum(axis=0) - (size - 2) * np.log(_STRENGTHS)
-    )
+    evidence = _fit(squares, count, known) - 0.5 * (np.log(stiffness).sum(axis=0) - (size - 2) * np.log(_STRENGTHS))
     posterior = _Posterior(whole, wanted, squares, evidence, modes, along, stiffness)
     return _averaged(posterior, grid, scale, known)
 
