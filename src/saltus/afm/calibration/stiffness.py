@@ -51,8 +51,8 @@ def sader_stiffness(
     Raises
     ------
     InputError
-        A value that is not allowed or, with `check`, not plausible, as a beam wider than long, or a frequency that no
-        beam of that length has; a Reynolds number outside 1e-6 to 1e4.
+        A value that is not allowed or, with `check`, not plausible, as a beam wider than long. A frequency that no beam
+        of that length has. A Reynolds number outside 1e-6 to 1e4.
 
     References
     ----------
