@@ -19,7 +19,7 @@ model = afm.model(probe, law, drive, Zc_nm=10.0)
 curve = afm.distance_curve(model, (9.0, 18.0), steps=StepControl(largest=0.1))
 ways = pd.concat([curve.path(way).to_dataframe() for way in curve.directions], ignore_index=True)
 
-force = afm.reconstruct_force(ways, probe, drive=drive)
+force = afm.reconstruct_force(ways, probe, drive=drive, sigma={"amplitude_nm": 0.03, "lag_deg": 0.3})
 print(force)
 guess = afm.VanDerWaals(H_aJ=0.05, a0_nm=0.3) + afm.DMT(E_GPa=3.0)
 found = force.fit(guess, {"H_aJ": (0.01, 1.0), "E_GPa": (0.1, 10.0)})

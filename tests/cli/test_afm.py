@@ -482,6 +482,15 @@ def test_an_interrupt_of_a_fit_keeps_the_best_so_far(measured, lever, capsys, mo
     assert abs(kept["H_aJ"] - 0.12) < 0.03
 
 
+def test_priors_of_the_file_are_those_of_the_fit(measured, lever, monkeypatch):
+    given = []
+    monkeypatch.setattr("saltus.afm.files.configuration.fit", lambda *_, **options: given.append(options["priors"]))
+    for text in ("", "priors = {H_aJ = [0.12, 0.01]}\n"):
+        lever.write_text(LEVER + FIT + text)
+        read_experiment(lever).fitted(lever.with_name("apd.csv"))
+    assert given == [None, {"H_aJ": [0.12, 0.01]}]
+
+
 def test_phases_of_a_convention_and_columns_of_another_sign_become_lags(tmp_path):
     table = pd.DataFrame({"Zc_nm": [-10.0, -9.0], "lag_deg": [30.0, 20.0], "direction": ["approach"] * 2})
     found = _told(table, "bruker0", {"Zc_nm": -1})

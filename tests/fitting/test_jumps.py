@@ -132,6 +132,13 @@ def test_points_that_are_given_are_kept_in_their_order():
     assert read_points(tuple(points), measured(W, W, [""] * 11), BOUNDS) == points
 
 
+def test_ways_along_a_distance_are_those_along_any_parameter():
+    """Towards the sample the distance falls."""
+    given = [MeasuredPoint("SN", 1.5, 0.1, way, 0.2) for way in ("approach", "retract")]
+    read = [MeasuredPoint("SN", 1.5, 0.1, way, 0.2) for way in ("down", "up")]
+    assert read_points(given, measured(W, W, [""] * 11), BOUNDS) == read
+
+
 BAD = {
     "no ways": (True, "column 'direction'"),
     "one point": (MeasuredPoint("SN", 1.5, 0.1), "jumps = 'SN': must be"),

@@ -223,6 +223,8 @@ def task(
         hint = f"trace the branch from {x.min():.9g} to {x.max():.9g}"
         told = f"{int(outside.sum())} of {len(measured)} data outside"
         raise InputError(along, told, f"data between {bounds[0]:.9g} and {bounds[1]:.9g}, where the branch is", hint)
+    if instrument.drift:
+        measured.check_times()
     reach = _REACH * float(np.ptp(x)) if options.reach is None else checks.non_negative("reach", options.reach)
     inside = bounds[0] - own.moved_by, bounds[1] - own.moved_by
     measured = measured.with_points(read_points(jumps, measured, inside, reach))

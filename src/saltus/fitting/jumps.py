@@ -26,6 +26,8 @@ _STEEP = 3.0  # change at a jump over the largest of the changes around it, at l
 _AROUND = 2  # changes on each side that are compared
 UP = "up"  # the way on which the parameter grows
 DOWN = "down"  # the way on which it falls
+_SIGNS = {UP: 1.0, DOWN: -1.0, "retract": 1.0, "approach": -1.0}  # the parameter may be a distance
+_NAMES = {1.0: UP, -1.0: DOWN}
 
 
 def jumps_in(measured: Measured, reach: float = 0.0) -> list[MeasuredPoint]:
@@ -65,10 +67,8 @@ def jumps_in(measured: Measured, reach: float = 0.0) -> list[MeasuredPoint]:
 
 def _sign_of(name: str, x: NDArray[np.float64]) -> float:
     """Return whether the parameter grows or falls on a way: by its name, else by the order of its data; 0 for none."""
-    if name in ("up", "retract"):
-        return 1.0
-    if name in ("down", "approach"):
-        return -1.0
+    if name in _SIGNS:
+        return _SIGNS[name]
     steps = np.sign(np.diff(x))
     return float(steps[0]) if steps.size and np.all(steps == steps[0]) else 0.0
 
@@ -106,10 +106,14 @@ def read_points(
         checks.chosen("type", point.type, MOVING)
         checks.between("value of a measured point", point.value, *bounds)
         checks.positive("sigma of a measured point", point.sigma)
-        checks.chosen("direction", point.direction, ("", UP, DOWN))
+        checks.chosen("direction", point.direction, ("", *_SIGNS))
+        point = point._replace(direction=_NAMES.get(_SIGNS.get(point.direction, 0.0), ""))
         if checks.non_negative("reach of a measured point", point.reach) and not point.direction:
             raise InputError(
-                "reach of a measured point", point.reach, "0 without a direction", "name the way: up, down"
+                "reach of a measured point",
+                point.reach,
+                "0 without a direction",
+                "name the way: up, down, approach or retract",
             )
         points.append(point)
     return points

@@ -43,7 +43,8 @@ class MeasuredPoint(NamedTuple):
     sigma : float
         Its standard error.
     direction : str
-        The way on which a jump was seen: ``up``, ``down``, or empty.
+        The way on which a jump was seen: ``up``, ``down``, or empty. Along a distance ``retract`` and ``approach`` are
+        the same.
     reach : float
         How far behind the jump its fold may lie, on the way. Noise makes a motion jump before its fold.
 
@@ -151,6 +152,14 @@ class Measured:
         """Share of the measurement that has passed at each datum: by its time, else by its place in the table."""
         times = np.arange(len(self), dtype=float) if self.times is None else self.times
         return np.asarray((times - times.min()) / (float(np.ptp(times)) or 1.0))
+
+    def check_times(self) -> None:
+        """Raise `InputError` where all data have one time, so that nothing can have drifted."""
+        if self.times is not None and not np.ptp(self.times) > 0.0:
+            hint = "leave the column out, and the place of a datum in the table counts"
+            raise InputError(
+                f"column {TIME!r}", float(self.times[0]), "times that differ, where a drift is sought", hint
+            )
 
     def passed_at(self, point: MeasuredPoint) -> float:
         """Return which share of the measurement has passed at a measured point, by the data around on its way."""

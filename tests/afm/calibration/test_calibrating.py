@@ -157,6 +157,8 @@ def test_bins_that_are_not_of_one_oscillator_are_told():
     assert any(told in note for note in afm.calibrate(both).notes)  # the fit is one broad peak, with a Q of 1.6
     alone = afm.calibrate(both, options=afm.CalibrationOptions(range_kHz=(45.0, 80.0)))
     assert abs(alone["Q"] - 150.0) < 3.0 * alone.errors["Q"]
+    with pytest.raises(InputError, match="0 bins between 45000 and 80000 kHz.* in Hz\\? then it is 45 to 80 kHz$"):
+        afm.calibrate(both, options=afm.CalibrationOptions(range_kHz=(45e3, 80e3)))
     water = oscillator(f, np.array([12.0, 2.0, 1e-3, 1e-8]))
     sloped = {"f_kHz": f, "psd_nm2_Hz": (water + 3e-7 / f) * noise}
     assert any(told in note for note in afm.calibrate(sloped).notes)  # Q is 1.41

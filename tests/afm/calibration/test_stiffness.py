@@ -53,6 +53,10 @@ def test_factors_of_modes_are_those_of_their_shapes():
 def test_slips_are_named():
     with pytest.raises(InputError, match="in Hz\\? then it is 173.6 kHz"):
         afm.sader_stiffness(173.6e3, 55.5, length_um=397.0, width_um=29.0, fluid=AIR)
+    with pytest.raises(InputError, match="for a beam of 397 um; in Hz\\? then it is 17.36 kHz"):
+        afm.sader_stiffness(17.36e3, 55.5, length_um=397.0, width_um=29.0, fluid=AIR)
+    with pytest.raises(InputError, match="in MHz\\? then it is 200 kHz"):
+        afm.sader_stiffness(0.2, 55.5, length_um=39.7, width_um=29.0, fluid=AIR, mode=3)
     with pytest.raises(InputError, match="in m\\? then it is 397 um"):
         afm.sader_stiffness(17.36, 55.5, length_um=397e-6, width_um=29.0, fluid=AIR)
     with pytest.raises(InputError, match="at most the length of 29 um; are both swapped"):

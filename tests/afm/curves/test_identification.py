@@ -249,6 +249,13 @@ def test_a_drift_comes_back_along_the_frequency_by_the_scaling_of_elastic_sample
     assert found.values == pytest.approx([3.0, drift_Hz], rel=1e-4)
 
 
+def test_a_drift_needs_times_that_differ():
+    data = {"Zc_nm": [9.0, 8.0, 7.0], "time_s": [2.0] * 3, "amplitude_nm": [8.0, 7.0, 6.0], "lag_deg": [80.0] * 3}
+    told = "column 'time_s' = 2.0: must be times that differ, where a drift is sought; leave the column out"
+    with pytest.raises(InputError, match=told):
+        afm.fit(data, elastic(), {"f0_drift_Hz": (-300.0, 300.0)}, ROUGH)
+
+
 @pytest.mark.campaign
 def test_a_drift_comes_back_along_the_distance_from_motions_that_settled():
     places, times, drift_Hz = np.linspace(9.0, 7.0, 6), np.array([0.0, 1.0, 2.0, 5.0, 6.0, 10.0]), 60.0

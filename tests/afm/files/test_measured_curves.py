@@ -52,7 +52,7 @@ def test_other_headers_are_read_by_names_and_their_units_converted(tmp_path):
     [
         ({"f_kHz": "Freq", "lag_deg": "Phase (rad)"}, {}, r"column = 'Freq': .*Freq \[MHz\] \(MHz\).*did you mean"),
         ({"f_kHz": "Freq [MHz]", "lag_deg": "Way"}, {}, "column = 'Way': must be one with a unit"),
-        ({"f_kHz": "Freq [MHz]", "lag_deg": "Way"}, {"lag_deg": 1.0}, "column 'Way', row 1 = 'up': must be a number"),
+        ({"f_kHz": "Freq [MHz]", "lag_deg": "Way"}, {"lag_deg": 1.0}, "column 'Way', line 2 = 'up': must be a number"),
         ({"f_kHz": "Freq [MHz]", "lag_deg": "Amp (pm)"}, {}, "unit of 'Amp \\(pm\\)' = 'pm': must be .* in degrees"),
         ({"f_kHz": "Freq [MHz]", "lag_deg": "Amp (pm)"}, {"lag_deg": 0.0}, "another factor than 0"),
         ({"f_kHz": "Freq [MHz]", "lag_deg": "Phase (rad)"}, {"lag_dg": 1.0}, "scale = 'lag_dg'.*mean 'lag_deg'"),
@@ -78,7 +78,7 @@ BAD = {
     "f_kHz,f_Hz,lag_deg\n1,2,3\n": "exactly one of Zc_nm, f_kHz, f_Hz",
     "amplitude_nm\n1\n": "exactly one of Zc_nm, f_kHz, f_Hz",
     "f_kHz\n1\n": "at least one reading",
-    "f_kHz,lag_deg\n1,2\n2,high\n": "column 'lag_deg', row 2 = 'high': must be a number",
+    "f_kHz,lag_deg\n1,2\n2,high\n": "column 'lag_deg', line 3 = 'high': must be a number",
     "f_kHz,lag_deg,direction\n1,2,left\n": "direction = 'left'",
     "": "a CSV file that can be read",
 }
@@ -105,3 +105,38 @@ def test_rows_that_do_not_fit_the_header_are_refused_and_shift_no_column(tmp_pat
     (tmp_path / "curve.csv").write_text("Zc_nm,amplitude_nm\n" + rows)
     with pytest.raises(InputError, match=told):
         afm.read_curve(tmp_path / "curve.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "values"),
+    [
+        (b"f_kHz;amplitude_nm\n299,5;7,25\n300;1,5e-1\n", [7.25, 0.15]),
+        (b"f_kHz;amplitude_nm\n299.5;7.25\n300;0.15\n", [7.25, 0.15]),
+        ("f_kHz\tamplitude_nm\n299.5\t7.25\n300\t0.15\n".encode("utf-16"), [7.25, 0.15]),
+        ("f_kHz,amplitude_nm\r\n299.5,7.25\r\n300,0.15\r\n".encode("utf-8-sig"), [7.25, 0.15]),
+    ],
+    ids=["decimal commas", "semicolons", "UTF-16 with tabs", "UTF-8 with a mark"],
+)
+def test_tables_of_other_programs_are_read(tmp_path, content, values):
+    (tmp_path / "tune.csv").write_bytes(content)
+    assert afm.read_curve(tmp_path / "tune.csv").to_dict("list") == {"f_kHz": [299.5, 300.0], "amplitude_nm": values}
+    named = afm.read_curve(tmp_path / "tune.csv", {"f_kHz": "f_kHz", "amplitude_nm": "amplitude_nm"})
+    assert named["amplitude_nm"].tolist() == values
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"# lever S\nf_kHz,amplitude_nm\n299.5,inf\n", "column 'amplitude_nm', line 3 = 'inf': must be a finite"),
+        (b"f_kHz,amplitude_nm\n299.5,7\n1e999,7\n", "column 'f_kHz', line 3 = '1e999': must be a finite number"),
+        (b"f_kHz,amplitude_nm,lag_deg\n299.5,7,90\n\n300,7\n", "line 4 has fewer cells than the header: is it cut"),
+        (b"f_Hz;amplitude_nm\n299,500;7\n300,500;7\n", "line 2: the comma of '299,500' may be a decimal one, or part"),
+        (b"f_Hz;amplitude_nm\n299.500,5;7\n", "line 2: '299.500,5' is no number with a decimal comma"),
+        ("f_kHz,amplitude_nm\n299.5,7\n".encode("utf-16-le"), "UTF-16 without a byte order mark"),
+    ],
+    ids=["inf", "overflow", "cut row", "thousands", "points and commas", "no mark"],
+)
+def test_what_is_no_table_of_numbers_says_where(tmp_path, content, told):
+    (tmp_path / "c.csv").write_bytes(content)
+    with pytest.raises(InputError, match=told):
+        afm.read_curve(tmp_path / "c.csv")

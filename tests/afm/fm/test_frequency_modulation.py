@@ -78,6 +78,19 @@ def test_shift_in_contact_is_the_weighted_force_too():
 
 
 @pytest.mark.campaign
+def test_the_formula_of_small_shifts_misses_orbits_by_the_second_order_of_the_shift(lever):
+    """At the gap about which the bent lever swings the difference is a number times the shift squared over f0."""
+    numbers = {}
+    for k in (26.0, 260.0):
+        found = afm.frequency_shift(lever, (11.5, 13.5), A, points=2, parameters={"k_N_m": k})
+        gaps = found.column("Zc_nm") + 1e-3 * found.column("deflection_pm")
+        wanted = np.array([giessibl(k, gap) for gap in gaps])
+        numbers[k] = (found.column("shift_Hz") - wanted) / (wanted**2 / 300e3)
+    assert np.abs(numbers[26.0][0]) < 2.0  # far; nearer the harmonics of the force count, which the formula leaves out
+    np.testing.assert_allclose(numbers[260.0], numbers[26.0], rtol=0.05)
+
+
+@pytest.mark.campaign
 def test_a_conservative_law_takes_no_excitation(curve):
     np.testing.assert_allclose(curve.column("excitation_nm"), A, rtol=1e-9)
     np.testing.assert_allclose(curve.column("E_ts_eV"), 0.0, atol=1e-8)

@@ -14,6 +14,7 @@ import saltus
 from oracles.tip import jkr
 from saltus import afm
 from saltus.afm.laws.common_regions import product
+from saltus.afm.laws.prescribed import ForceTable
 from saltus.errors import InputError
 
 EV = 1.0 / 0.1602176634  # eV in 1 aJ
@@ -444,3 +445,15 @@ def test_a_dashpot_beside_an_adhesive_contact_ends_where_it_is_told(until):
     adhesive = (0.15 * 2.0 ** (8.0 / 3.0) + 0.1) * math.pi ** (5.0 / 3.0) * (w**5 * R**4 / E**2) ** (1.0 / 3.0)
     found = law.energy_per_cycle_eV(Zc_nm=Zc, A_nm=A, f_kHz=f, R_nm=R)
     assert found == pytest.approx((viscous + adhesive) / 0.1602176634, rel=1e-8)
+
+
+def test_forces_at_many_gaps_are_asked_once_a_region(monkeypatch):
+    """Each gap has the force of the region in which a tip from afar is, as each alone has it."""
+    law = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=1.0)
+    law = law + afm.Neck(gamma_N_m=0.072, h_nm=1.0, on_nm=1.0, off_nm=3.0)
+    gaps = np.linspace(-0.5, 4.0, 60).reshape(3, 20)
+    alone = [float(law.force_nN(gap, R_nm=20.0)) for gap in gaps.ravel()]
+    asked, force = [], ForceTable.force
+    monkeypatch.setattr(ForceTable, "force", lambda *these: asked.append(these[-1]) or force(*these))
+    np.testing.assert_array_equal(law.force_nN(gaps, R_nm=20.0), np.reshape(alone, gaps.shape))
+    assert len(asked) == len(set(asked)) <= len(law.regions)

@@ -89,6 +89,18 @@ def test_an_immersed_probe_keeps_stiffness_and_weights():
     assert wet.f0_kHz == tuple(mode.f0_kHz for mode in afm.fluid_modes(LEVER, WATER, 2))
 
 
+def test_an_overdamped_probe_is_refused_with_what_can_be_done():
+    glycerol = afm.Fluid(density_kg_m3=1260.0, viscosity_Pa_s=0.5)
+    with pytest.raises(InputError, match="Q = 0.33.*: must be at least 0.5 in mode 1.*check=False\\) takes") as told:
+        afm.immersed(LEVER, glycerol, R_nm=10.0)
+    assert "insists" not in str(told.value)
+    # what the hint says is true: such a probe is a model like others
+    (mode,) = afm.fluid_modes(LEVER, glycerol)
+    probe = afm.Probe(k_N_m=LEVER.k, f0_kHz=mode.f0_kHz, Q=mode.Q, R_nm=10.0, check=False)
+    model = afm.model(probe, afm.Hertz(E_GPa=0.1), afm.Drive(A0_nm=5.0), Zc_nm=20.0)
+    assert saltus.find_orbit(model, x0=[0.0, 0.0]).max["z1_nm"] == pytest.approx(5.0, rel=1e-9)
+
+
 def test_what_cannot_be_is_refused():
     measured = afm.Cantilever.from_measured(k=2.0, f0=70e3, Q=150.0)
     with pytest.raises(InputError, match="given for a measured cantilever"):

@@ -10,6 +10,7 @@ from scipy.special import ive
 from saltus import afm
 from saltus.afm.reconstruction.averages import averages, grid_of
 from saltus.errors import InputError
+from selection import guarding
 
 K, F0, L = 26e3, 300.0, 0.7  # N/m, so stiff that a motion is harmonic; kHz; nm
 PROBE = afm.Probe(k_N_m=K, f0_kHz=F0, Q=400.0, R_nm=12.0, check=False)
@@ -63,7 +64,7 @@ def test_averages_of_a_spline_are_those_of_a_closed_form(A):
     _, moment = averages(GAPS + A, np.full(120, A), grid)
     wanted = -exponential(GAPS) * ive(1, A / L)
     near = GAPS < 6.0  # farther away the tail counts, which is no exponential
-    np.testing.assert_allclose((moment @ exponential(grid.knots))[near], wanted[near], rtol=2e-3)
+    np.testing.assert_allclose((moment @ grid.spread @ exponential(grid.knots))[near], wanted[near], rtol=2e-3)
 
 
 @pytest.mark.parametrize("A", [0.05, 0.7, 30.0])
@@ -209,6 +210,7 @@ def test_wrong_data_are_told_in_a_line():
         (lag, {"A_nm": 1.0}, "no 'shift_Hz'"),
         (lag | {"amplitude_nm": 0.0 * GAPS}, {"drive": drive}, "amplitude_nm = 0.0: must be above 0"),
         (lag, {"drive": afm.Drive.base(1.0)}, "drive = .*: must be a force"),
+        (lag | {"lag_deg": np.radians(lag["lag_deg"])}, {"drive": drive}, "greatest lag_deg = .* in rad. then it is"),
         (lag, {"drive": 3}, "drive = 3: must be a Drive"),
         (whole, {"A_nm": 1.0, "method": "magic"}, "method = 'magic'"),
         (whole, {"A_nm": 1.0, "sigma": {"shift_Hz": -1.0}}, r"sigma\['shift_Hz'\] = -1.0"),
@@ -228,3 +230,23 @@ def test_wrong_data_are_told_in_a_line():
     with pytest.raises(InputError, match="least gap = .*: must be different in each row; method='matrix' takes them"):
         afm.reconstruct_force(twice, PROBE, A_nm=1.0, method="payam")
     assert error(afm.reconstruct_force(twice, PROBE, A_nm=1.0), exponential) < 1e-3
+
+
+@pytest.mark.parametrize("noise", guarding([1e-3, 1e-2], 1e-2))  # over the greatest shift
+def test_errors_hold_the_force_beside_a_sharp_bend(noise):
+    """The law of the gap 0.3 nm, of which contact is flat and what is farther is steep."""
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    nearest, A = np.concatenate([np.linspace(-0.6, 1.5, 45), np.geomspace(1.6, 8.0, 30)]), 10.0
+    angles = (np.arange(4000) + 0.5) * np.pi / 4000
+    along = law.force_nN(nearest[:, None] + A * (1.0 + np.cos(angles)), R_nm=12.0)
+    whole = shift_data(-(along * np.cos(angles)).mean(axis=1) / (K * A), nearest, A)
+    error = noise * float(np.abs(whole["shift_Hz"]).max())
+    held, beside = [], []
+    for seed in range(40):
+        seen = whole | {"shift_Hz": whole["shift_Hz"] + error * np.random.default_rng(seed).normal(size=len(nearest))}
+        force = afm.reconstruct_force(seen, PROBE, A_nm=A, sigma={"shift_Hz": error})
+        within = np.abs(force.F_nN - law.force_nN(force.D_nm, R_nm=12.0)) <= 2.0 * force.sigma_nN
+        held.append(within.mean())
+        beside.append(within[np.abs(force.D_nm - 0.3) < 0.25].mean())
+    assert np.mean(held) > 0.95
+    assert np.mean(beside) > 0.9

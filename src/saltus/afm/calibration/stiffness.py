@@ -10,12 +10,14 @@ from saltus.afm.probe.fluid import Fluid
 from saltus.afm.probe.hydrodynamic import hydrodynamic_function
 from saltus.afm.probe.probe import MOST_MODES
 from saltus.afm.probe.tip_mass import modes_with_mass
-from saltus.afm.probe.units import checked
+from saltus.afm.probe.units import checked, other_unit
 from saltus.errors import InputError
 
 __all__ = ["BOLTZMANN_AJ_K", "modal_over_static", "optical_chi", "sader_stiffness"]
 
 BOLTZMANN_AJ_K = 1.380649e-5  # aJ/K, by the definition of the SI
+_FASTEST_M_S = 300.0  # frequency times length of a first mode, at most; a quartz fork has 80 m/s
+_SLOWEST_M_S = 0.1  # the same at the least; a soft lever in a liquid has 0.4 m/s
 _STATIC_SLOPE = 1.5  # slope at the end of a beam bent by a force there, over the displacement, times the length
 
 
@@ -49,8 +51,8 @@ def sader_stiffness(
     Raises
     ------
     InputError
-        A value that is not allowed or, with `check`, not plausible, as a beam wider than long; a Reynolds number
-        outside 1e-6 to 1e4.
+        A value that is not allowed or, with `check`, not plausible, as a beam wider than long. A frequency that no beam
+        of that length has. A Reynolds number outside 1e-6 to 1e4.
 
     References
     ----------
@@ -70,10 +72,25 @@ def sader_stiffness(
         check_plan(length_um, width_um)
     checks.instance("fluid", fluid, Fluid)
     b = float(wavenumbers(checks.count("mode", mode, 1, MOST_MODES))[-1])
+    if check:
+        _check_length(f0, length, (b / float(wavenumbers(1)[0])) ** 2)
     drag = float(hydrodynamic_function(fluid.reynolds(f0, width)).imag)
     omega = math.tau * f0 * 1e3
     moved = 0.25 * math.pi * fluid.density_kg_m3 * (width * 1e-6) ** 2 * length
     return 3.0 / b**4 * moved * quality * drag * omega * omega
+
+
+def _check_length(f0_kHz: float, length_m: float, ratio: float) -> None:
+    """Raise `InputError` where no beam of a length has a frequency; `ratio` is that of the mode's to the first's.
+
+    ``f0 L`` is 0.16 times the speed of sound in the beam times its thickness over its length.
+    """
+    unit = 1e-3 * ratio / length_m  # kHz in 1 m/s
+    low, high = _SLOWEST_M_S * unit, _FASTEST_M_S * unit
+    if not low <= f0_kHz <= high:
+        slip = other_unit("kHz", [f0_kHz], lambda one: low <= one[0] <= high)
+        allowed = f"between {low:.3g} and {high:.3g} kHz for a beam of {length_m * 1e6:g} um"
+        raise InputError("f0_kHz", f0_kHz, allowed, f"{slip}check=False insists")
 
 
 def check_plan(length_um: float, width_um: float) -> None:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from saltus.afm.probe.units import other_unit
 from saltus.errors import ConvergenceError, InputError
 
 __all__ = ["Peak", "fitted_peak", "oscillator"]
@@ -110,7 +111,7 @@ def fitted_peak(f: Real, psd: Real, averages: float | None, span: tuple[float, f
         No optimum is found.
     """
     inside = np.ones(len(f), dtype=bool) if span is None else (f >= span[0]) & (f <= span[1])
-    _check_bins(inside, span)
+    _check_bins(f, inside, span)
     start = _surveyed(f[inside], psd[inside])
     if span is None:
         rough = _around(f, start)
@@ -127,7 +128,7 @@ def fitted_peak(f: Real, psd: Real, averages: float | None, span: tuple[float, f
         if np.array_equal(used, inside & ~wild):
             break
         used, start = inside & ~wild, values
-        _check_bins(used, span)
+        _check_bins(f, used, span)
     values = _best(f[used], psd[used], start)
     ratio = (psd / oscillator(f, values))[used]
     scatter = float(np.mean((ratio - 1.0) ** 2)) * len(ratio) / (len(ratio) - 4)
@@ -146,10 +147,13 @@ def _around(f: Real, values: Real) -> NDArray[np.bool_]:
     return np.asarray((f >= max(_SPAN[0] * f0, f0 - reach)) & (f <= min(_SPAN[1] * f0, f0 + reach)))
 
 
-def _check_bins(used: NDArray[np.bool_], span: tuple[float, float] | None) -> None:
+def _check_bins(f: Real, used: NDArray[np.bool_], span: tuple[float, float] | None) -> None:
     if used.sum() < _LEAST_BINS:
         where = "" if span is None else f" between {span[0]:.6g} and {span[1]:.6g} kHz"
         hint = "measure more finely, or give a wider range_kHz"
+        if span is not None:
+            slip = other_unit("kHz", span, lambda ends: ((f >= ends[0]) & (f <= ends[1])).sum() >= _LEAST_BINS)
+            hint = slip.removesuffix("; ") or hint
         raise InputError("spectrum", f"{int(used.sum())} bins{where}", f"at least {_LEAST_BINS} bins", hint)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.curves.features import WORDS, Feature, Jump
-from saltus.afm.curves.routes import Landing, Way, way_along
+from saltus.afm.curves.routes import Landing, Way, ways_of
 from saltus.afm.models.parts import check_model, values_of
 from saltus.afm.models.readings import CONVENTIONS, formulas, readings_of, regime, shown_phase, turns_of
 from saltus.contents import Contents
@@ -278,9 +278,7 @@ class Curve(Result):
     @cached_property
     def ways(self) -> tuple[Way, Way]:
         """The ways that an experiment takes to lower and to higher values."""
-        down = way_along(self.branches, -1.0, self.bounds)
-        through = "end of the range" in down.stopped
-        return down, way_along(self.branches, 1.0, self.bounds, down.points[-1] if through else None)
+        return ways_of(self.branches, self.bounds)
 
     @property
     def jumps(self) -> tuple[Jump, ...]:

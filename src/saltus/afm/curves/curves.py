@@ -15,7 +15,7 @@ from saltus.afm.models.readings import formulas
 from saltus.afm.models.settling import periods_of_patience, stays_in_contact
 from saltus.afm.probe.units import check_changes, suffix
 from saltus.continuation import StepControl, continue_orbit
-from saltus.errors import InputError
+from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit, find_orbit
 
 if TYPE_CHECKING:
@@ -164,7 +164,25 @@ def frequency_curve(
 def from_afar(
     system: HybridSystem, parameters: Mapping[str, float], Zc_nm: float, steps: StepControl | None
 ) -> tuple[PeriodicOrbit, ...]:
-    """Return the motions at a distance to which the free motion afar leads, towards the sample."""
+    """Return the motions at a distance to which the free motion afar leads, towards the sample.
+
+    Raises
+    ------
+    ConvergenceError
+        None is periodic there; the message says where.
+    """
+    try:
+        return _from_afar(system, parameters, Zc_nm, steps)
+    except ConvergenceError as error:
+        place = f"Zc_nm = {Zc_nm:.9g}, f_kHz = {parameters['f_kHz']:.9g}"
+        what = f"periodic motion with which the curve begins, at {place}"
+        hint = "it may be quasi-periodic or chaotic there: begin the range elsewhere"
+        raise ConvergenceError(what, error.residual, error.iterations, hint, unit=error.unit) from error
+
+
+def _from_afar(
+    system: HybridSystem, parameters: Mapping[str, float], Zc_nm: float, steps: StepControl | None
+) -> tuple[PeriodicOrbit, ...]:
     steps = steps or STEPS
     patience = periods_of_patience(parameters)
     free = free_amplitude(system, parameters)

@@ -24,7 +24,7 @@ from saltus.orbits import PeriodicOrbit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "is_pulled_in", "way_along"]
+__all__ = ["Landing", "Way", "is_pulled_in", "ways_of"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
 _WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
@@ -63,8 +63,25 @@ def _told(orbit: PeriodicOrbit) -> str:
     return f"the motion settles on no sheet of the curve, but on {described(orbit)}"
 
 
-def way_along(
-    branches: Sequence[Branch], sign: float, bounds: tuple[float, float], start: tuple[int, int] | None = None
+def ways_of(branches: Sequence[Branch], bounds: tuple[float, float], *, windows: bool = True) -> tuple[Way, Way]:
+    """Return the ways of an experiment through the parameter's range, to lower and to higher values.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+        The sheets.
+    bounds : (float, float)
+        The parameter's range.
+    windows : bool, optional
+        Whether they go on behind windows without a followed motion, which takes long; else they end there.
+    """
+    down = _way_along(branches, -1.0, bounds, None, windows)
+    through = "end of the range" in down.stopped
+    return down, _way_along(branches, 1.0, bounds, down.points[-1] if through else None, windows)
+
+
+def _way_along(
+    branches: Sequence[Branch], sign: float, bounds: tuple[float, float], start: tuple[int, int] | None, windows: bool
 ) -> Way:
     """Return the way of an experiment through the parameter's range.
 
@@ -78,6 +95,8 @@ def way_along(
         The parameter's range.
     start : (int, int), optional
         Sheet and point where the way begins; by default the stable motion nearest to the end of the range.
+    windows : bool
+        As `ways_of` takes it.
     """
     way, stretches = Way(), stretches_of(branches)
     name, span, end = branches[0].parameter, bounds[1] - bounds[0], bounds[1 if sign > 0.0 else 0]
@@ -112,9 +131,11 @@ def way_along(
             way.stopped = f"{name} = {reach(here, last=True):.9g}: no more than {_MOST_JUMPS} jumps are followed"
             return way
         landing = _landing(branches[here.sheet], here, sign, span)
-        target = None if isinstance(landing, str) else _target(branches, stretches, landing.after)
+        others = [one for one in stretches if one != here]
+        target = None if isinstance(landing, str) else _target(branches, others, landing.after)
         if target is None:
-            passed = _passed(way, branches, stretches, here, landing, sign, bounds)
+            told = _ended(way, branches[here.sheet], here, landing, sign)
+            passed = _passed(way, branches, others, here, told, sign, bounds) if windows else None
             if passed is None:
                 return way
             target, landing = passed
@@ -129,26 +150,31 @@ def way_along(
         here, begin = target, sign * landing.value
 
 
-def _passed(
-    way: Way,
-    branches: Sequence[Branch],
-    stretches: Sequence[Stretch],
-    here: Stretch,
-    landing: Landing | str,
-    sign: float,
-    bounds: tuple[float, float],
-) -> tuple[Stretch, Landing] | None:
-    """Return the stretch that is met behind a window, and where; None where none is met, and say why in the way."""
-    branch = branches[here.sheet]
-    name, span, end = branch.parameter, bounds[1] - bounds[0], bounds[1 if sign > 0.0 else 0]
-    last, value = _end_of(branch, here, sign)
+def _ended(way: Way, branch: Branch, here: Stretch, landing: Landing | str, sign: float) -> str:
+    """Say why a way ends behind a stretch, keep the motion on no sheet, and return what it is in words."""
     if isinstance(landing, Landing):
         told = _told(landing.after)
         kind = f"other motions, first {described(landing.after).split(':')[0]}"
         way.lost.append(landing)
     else:
         kind = told = landing.split(": ", 1)[-1]
-    way.stopped = f"{name} = {value:.9g}: {told}"
+    way.stopped = f"{branch.parameter} = {_end_of(branch, here, sign)[1]:.9g}: {told}"
+    return kind
+
+
+def _passed(
+    way: Way,
+    branches: Sequence[Branch],
+    stretches: Sequence[Stretch],
+    here: Stretch,
+    kind: str,
+    sign: float,
+    bounds: tuple[float, float],
+) -> tuple[Stretch, Landing] | None:
+    """Return the stretch that is met behind a window of such motions, and where; None where none is met."""
+    branch = branches[here.sheet]
+    name, span, end = branch.parameter, bounds[1] - bounds[0], bounds[1 if sign > 0.0 else 0]
+    last, value = _end_of(branch, here, sign)
     if last is None:
         return None
     nearest = value
@@ -170,18 +196,19 @@ def _end_of(branch: Branch, stretch: Stretch, sign: float) -> tuple[PeriodicOrbi
     """Return the last motion of a stretch, None where it is not known, and the parameter there."""
     last = stretch.points[-1 if sign > 0.0 else 0]
     value = float(branch.values[last])
-    ahead = [
-        point
-        for point in branch.special_points
-        if abs(point.position - last) <= 1.0 and sign * (point.value(branch.parameter) - value) >= 0.0
-    ]
+    ahead = [point for point in _beside(branch, last) if sign * (point.value(branch.parameter) - value) >= 0.0]
     if ahead:
-        first = min(ahead, key=lambda point: abs(point.position - last))
+        first = min(ahead, key=lambda point: abs(point.arclength - branch.arclength[last]))
         return first.orbit, first.value(branch.parameter)
     try:
         return branch.solution(last), value
     except ConvergenceError:
         return None, value
+
+
+def _beside(branch: Branch, point: int) -> list[SpecialPoint]:
+    """Return the special points between a point of a branch and its neighbours."""
+    return [special for special in branch.special_points if abs(special.position - point) <= 1.0]
 
 
 def _begin_of(
@@ -275,8 +302,16 @@ def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
     if not float(branch.values.min()) <= landing.value <= float(branch.values.max()):
         return landing.after
     wanted = extremes_of(landing.after)
-    found = orbits_at(branch, landing.value) or (landing.after,)
+    found = _orbits_at(branch, landing.value) or (landing.after,)
     return min(found, key=lambda orbit: float(np.abs(extremes_of(orbit) - wanted).max()))
+
+
+def _orbits_at(branch: Branch, value: float) -> tuple[PeriodicOrbit, ...]:
+    """Return the orbits of a branch at a value; a branch keeps them, as `_settled` does."""
+    kept: dict[float, tuple[PeriodicOrbit, ...]] = vars(branch).setdefault("_orbits_at", {})
+    if value not in kept:
+        kept[value] = orbits_at(branch, value)
+    return kept[value]
 
 
 def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: PeriodicOrbit) -> Stretch | None:
@@ -295,12 +330,19 @@ def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: P
             max(abs(np.interp(here, values(stretch), column) - w) for column, w in zip(columns, wanted, strict=True))
         )
 
+    def is_over(stretch: Stretch) -> bool:
+        """Return whether a stretch may come to the motion's parameter: it goes on to special points at its ends."""
+        branch, (first, last) = branches[stretch.sheet], (stretch.points[0], stretch.points[-1])
+        ends = [special.value(branch.parameter) for point in (first, last) for special in _beside(branch, point)]
+        ends += [float(branch.values[first]), float(branch.values[last])]
+        return min(ends) - rounding <= here <= max(ends) + rounding
+
     rounding = _ROUNDING * abs(here)
-    covering = [one for one in stretches if values(one)[0] - rounding <= here <= values(one)[-1] + rounding]
+    covering = [one for one in stretches if is_over(one)]
     if not covering:
         return None
     nearest = min(covering, key=away)
-    for orbit in orbits_at(branches[nearest.sheet], here):
+    for orbit in _orbits_at(branches[nearest.sheet], here):
         if orbit.stable and float(np.abs(extremes_of(orbit) - wanted).max()) <= _SAME * float(np.abs(wanted).max()):
             return nearest
     return None

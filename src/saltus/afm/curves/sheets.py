@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.afm.curves.curve import Curve
-from saltus.afm.curves.routes import Landing, is_pulled_in
+from saltus.afm.curves.routes import Landing, is_pulled_in, ways_of
 from saltus.afm.models.parts import driven_mode, parts_of
 from saltus.afm.models.readings import drives_of, turns_of
 from saltus.afm.models.settling import (
@@ -125,17 +125,20 @@ def _with_landings(curve: Curve, how: Tracing) -> Curve:
     """Return a curve with the sheets on which its ways land."""
     tried = set[tuple[float, float]]()
     for _ in range(_MOST_SHEETS):
-        lost = [
-            landing
-            for landing in (one for way in curve.ways for one in way.lost)
-            if _is_traced(landing.after, how) and _place(landing, how) not in tried
-        ]
+        lost = _lost(curve, how, tried, windows=False) or _lost(curve, how, tried, windows=True)
         if not lost:
             return curve
         found = min(lost, key=lambda landing: (landing.window, landing.after.form.turns))
         tried.add(_place(found, how))
         curve = _with_sheet(curve, found.after, how)
     return curve
+
+
+def _lost(curve: Curve, how: Tracing, tried: Container[tuple[float, float]], *, windows: bool) -> list[Landing]:
+    """Return the landings of a curve's ways on motions that are on no sheet, and whose sheets were not yet sought."""
+    ways = curve.ways if windows else ways_of(curve.branches, curve.bounds, windows=False)
+    landings = (one for way in ways for one in way.lost)
+    return [one for one in landings if _is_traced(one.after, how) and _place(one, how) not in tried]
 
 
 def _place(landing: Landing, how: Tracing) -> tuple[float, float]:

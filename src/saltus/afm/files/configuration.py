@@ -321,6 +321,7 @@ def _fit(
     signs: Mapping[str, float] | None = None,
     reach: float | None = None,
     max_evaluations: int = FitOptions.max_evaluations,
+    priors: object = None,
 ) -> Fit:
     table = _told(read_curve(data, columns, scale=scale), phase_convention, signs)
     gap = float(table["Zc_nm"].max()) if "Zc_nm" in table else None
@@ -335,8 +336,11 @@ def _fit(
         max_evaluations=max_evaluations,
     )
     errors = _table("fit.sigma", sigma)
-    system = experiment.model(gap)
-    return fit(table, system, bounds, errors, jumps=checks.flag("fit.jumps", jumps), options=options, progress=progress)
+    held = None if priors is None else _table("fit.priors", priors)
+    return fit(
+        table, experiment.model(gap), bounds, errors, jumps=checks.flag("fit.jumps", jumps), priors=held,
+        options=options, progress=progress,
+    )  # fmt: skip
 
 
 def _told(table: pd.DataFrame, phase_convention: object, signs: object) -> pd.DataFrame:

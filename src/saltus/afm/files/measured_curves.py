@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -12,13 +13,12 @@ import numpy as np
 from saltus import checks
 from saltus.afm.files.columns import FileColumn, FileContents
 from saltus.afm.files.instrument_files import reader_of
+from saltus.afm.files.text_tables import cells_of
 from saltus.afm.files.unit_conversion import factor_between
 from saltus.afm.models.readings import READINGS, readings_of
 from saltus.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import pandas as pd
     from numpy.typing import NDArray
 
@@ -28,7 +28,6 @@ _ALONG = ("Zc_nm", "f_kHz", "f_Hz")  # columns along which curves are measured
 _FORCE = {"deflection_nm": "nm", "force_nN": "nN"}  # columns of force curves, with their units
 _TABLE = ("D_nm", "F_nN", "sigma_nN")  # columns of a force over the gap
 _DIRECTION = "direction"  # column of the ways
-_TEXT = 2**28  # bytes of a text file, at most
 _TIME = "time_s"  # column of the times of the data
 _WAYS = ("approach", "retract", "up", "down", "")  # what it holds
 _UNIT = re.compile(r"^\s*(.+?)[_ ]*[\(\[](.*)[\)\]]\s*$")  # a name with its unit in brackets
@@ -48,7 +47,9 @@ def read_curve(
     ``retract``, ``up`` or ``down``. ``time_s`` says when a datum was measured.
 
     A CSV file with these names in its header needs no `columns`. Lines that begin with ``#`` are comments.
-    `DataFrame.to_csv` with ``index=False`` writes such a file. Other headers have units in brackets.
+    `DataFrame.to_csv` with ``index=False`` writes such a file. Other headers have units in brackets. Semicolons and
+    tabs may part the cells, and numbers between them may have decimal commas. The text is UTF-8, or UTF-16 with a byte
+    order mark.
 
     Files of instruments are those of Bruker (``.spm``, ``.pfc``, ``.000`` to ``.999``), JPK (``.jpk-force``,
     ``.jpk-force-map``, ``.jpk-qi-data``), Asylum Research (``.ARDF``, and ``.ibw``, which needs ``saltus[files]``),
@@ -77,7 +78,7 @@ def read_curve(
     ------
     InputError
         The file cannot be read, is damaged, too large, or has no such column. A column has no unit, another unit, cells
-        that are no numbers, or another length. A package that reads the file is missing.
+        that are no finite numbers, or another length. A row is cut. A package that reads the file is missing.
 
     Examples
     --------
@@ -96,13 +97,14 @@ def read_curve(
     factors = checks.mapping("scale", scale, "columns to factors")
     reader = reader_of(path)
     if reader is None:
-        table = _cells(path)
+        table = cells_of(path)
+        rows: Sequence[int] = table.index.tolist()
         if columns is None and not factors:
             return _named(table)
         text = [_csv_column(str(name), list(table[name])) for name in table.columns]
         held = FileContents("a text file", tuple(text))
     else:
-        held = reader(path)
+        held, rows = reader(path), ()
     found = held.columns
     if columns is None:
         raise InputError("columns", columns, f"given, by names of the file's columns: {_listed(found)}")
@@ -122,7 +124,7 @@ def read_curve(
         if name == _DIRECTION:
             told[name] = _ways(line.tolist())
             continue
-        told[name] = _factor(name, column, factors, found) * _numbers(column.name, line)
+        told[name] = _factor(name, column, factors, found) * _numbers(column.name, line, rows)
     sizes = {name: len(values) for name, values in told.items()}
     if len(set(sizes.values())) > 1:
         raise InputError("columns", sizes, "columns of one length", "they belong to different curves")
@@ -167,45 +169,22 @@ def read_force_table(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float
     ...     read_force_table(file)["F_nN"].tolist()
     [-1.6, -0.4]
     """
-    table = _cells(checks.path("path", path))
+    table = cells_of(checks.path("path", path))
     names = [str(name) for name in table.columns]
     if sorted(names) not in (sorted(_TABLE), sorted(_TABLE[:2])):
         raise InputError("columns", names, f"{_TABLE[0]}, {_TABLE[1]} and, if it is known, {_TABLE[2]}")
-    return {name: _numbers(name, table[name].to_numpy(dtype=object)) for name in names}
-
-
-def _cells(path: Path) -> pd.DataFrame:
-    """Return the cells of a CSV file as they are written, without the spaces around them."""
-    import pandas as pd
-
-    try:
-        if (size := path.stat().st_size) > _TEXT:
-            raise ValueError(f"it has {size:,} bytes, more than {_TEXT:,}")
-        table = pd.read_csv(path, comment="#", skipinitialspace=True, dtype=str, keep_default_na=False)
-        if not isinstance(table.index, pd.RangeIndex):  # cells without a name would be an index, and shift all others
-            raise ValueError("rows have more cells than the header: commas in numbers, or at the ends of rows?")
-        if table.empty:
-            raise ValueError("it has no rows")
-    except (OSError, ValueError) as error:
-        told = getattr(error, "strerror", None) or str(error)
-        raise InputError("path", str(path), "a CSV file that can be read", told) from error
-    table.columns = pd.Index([str(name).strip() for name in table.columns])
-    for name in table.columns:
-        table[name] = [str(cell).strip() for cell in table[name]]
-    return table
+    return {name: _numbers(name, table[name].to_numpy(dtype=object), table.index.tolist()) for name in names}
 
 
 def _named(table: pd.DataFrame) -> pd.DataFrame:
     """Return the table of a CSV file whose header has the names of a curve's columns."""
-    import pandas as pd
-
     _check_names(list(table.columns))
     for name in table.columns:
         if name == _DIRECTION:
             table[name] = _ways(table[name])
         else:
-            table[name] = pd.Series(_numbers(name, table[name].to_numpy(dtype=object)))
-    return table
+            table[name] = _numbers(name, table[name].to_numpy(dtype=object), table.index.tolist())
+    return table.reset_index(drop=True)
 
 
 def _csv_column(name: str, cells: Sequence[str]) -> FileColumn:
@@ -276,19 +255,22 @@ def _listed(columns: Sequence[FileColumn]) -> str:
     )
 
 
-def _numbers(name: str, cells: NDArray[Any]) -> NDArray[np.float64]:
-    """Return the numbers of a column; of a text file, those in its cells."""
+def _numbers(name: str, cells: NDArray[Any], lines: Sequence[int]) -> NDArray[np.float64]:
+    """Return the numbers of a column; of a text file, those in its cells, in lines of these numbers."""
     if cells.dtype == float:
         return cells
-    return np.array([_number(name, row, cell) for row, cell in enumerate(cells.tolist(), 1)], dtype=float)
+    return np.array([_number(name, *at) for at in zip(lines, cells.tolist(), strict=True)], dtype=float)
 
 
-def _number(name: str, row: int, cell: str) -> float:
+def _number(name: str, line: int, cell: str) -> float:
     """Return the number in a cell, exactly as it is written; NaN for an empty one."""
     try:
-        return float(cell or "nan")
+        number = float(cell or "nan")
     except ValueError:
-        raise InputError(f"column {name!r}, row {row}", cell, "a number") from None
+        raise InputError(f"column {name!r}, line {line}", cell, "a number") from None
+    if math.isinf(number):
+        raise InputError(f"column {name!r}, line {line}", cell, "a finite number", "a gap is an empty cell")
+    return number
 
 
 def _check_names(names: Sequence[str]) -> None:

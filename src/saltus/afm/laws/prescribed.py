@@ -52,13 +52,15 @@ class ForceTable:
             raise InputError("D_nm", float(D.ravel()[outside][0]), "in the domain of the law", hint)
         return evaluate(self.known, "force_nN", states, mode).reshape(D.shape)
 
-    def force_in(self, D: NDArray[np.float64], regions: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Force of a tip at rest at gaps, each in the region of a number."""
+    def force_in(
+        self, D: NDArray[np.float64], V: NDArray[np.float64], regions: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Force at gaps and their rates, each in the region of a number."""
         force = np.empty(D.shape)
         for number, region in enumerate(self.product.regions):
             here = regions == number
             if here.any():
-                force[here] = self.force(D[here], np.zeros(np.count_nonzero(here)), region)
+                force[here] = self.force(D[here], V[here], region)
         return force
 
     def regions_on_approach(self, D: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -97,14 +99,7 @@ def force_nN(
     D, V = np.broadcast_arrays(checks.array("D_nm", D_nm), checks.array("V_nm_us", V_nm_us))
     if region is not None:
         return table.force(D, V, checks.chosen("region", region, table.product.regions))
-    _refuse_states(table)
-    force = np.empty(D.shape)
-    for at in np.ndindex(D.shape):
-        own = next(iter(table.product.regions))
-        while ahead := [target for level, target in table.levels(own, -1) if D[at] < level]:
-            own = ahead[0]
-        force[at] = table.force(D[at], V[at], own)
-    return force
+    return table.force_in(D, V, table.regions_on_approach(D))
 
 
 def energy_per_cycle_eV(parts: tuple[Part, ...], Zc_nm: float, A_nm: float, f_kHz: float, R_nm: float | None) -> float:

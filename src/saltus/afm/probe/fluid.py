@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, replace
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from saltus.afm.probe.beam import wavenumbers
 from saltus.afm.probe.cantilever import Cantilever
 from saltus.afm.probe.hydrodynamic import REYNOLDS, hydrodynamic_function
 from saltus.afm.probe.probe import MOST_MODES, Probe
-from saltus.afm.probe.units import checked
+from saltus.afm.probe.units import QUANTITIES, checked
 from saltus.errors import InputError
 
 __all__ = ["Fluid", "FluidMode", "fluid_modes", "immersed"]
@@ -238,7 +239,8 @@ def immersed(
     Raises
     ------
     InputError
-        As by `fluid_modes`, or no plausible probe.
+        As by `fluid_modes`, or no plausible probe. A mode with Q below 0.5 creeps back and does not swing; the hint
+        says how a probe is made of it nevertheless.
 
     Examples
     --------
@@ -249,8 +251,22 @@ def immersed(
     13.09 kHz, Q 2.51, 0.1 N/m
     """
     found = fluid_modes(cantilever, fluid, modes, plan_um=plan_um, gap_um=gap_um, measured_in=measured_in)
+    _check_swings(found)
     dry = Probe.from_cantilever(cantilever, R_nm=R_nm, modes=modes, Q=[1.0] * len(found), tilt_deg=tilt_deg)
     return replace(dry, f0_kHz=[one.f0_kHz for one in found], Q=[one.Q for one in found])
+
+
+def _check_swings(modes: Sequence[FluidMode]) -> None:
+    """Raise `InputError` where a mode is overdamped."""
+    least = QUANTITIES["Q"].low
+    for number, mode in enumerate(modes, 1):
+        if least > mode.Q:
+            allowed = f"at least {least:g} in mode {number}, below which a beam creeps back to rest and does not swing"
+            hint = (
+                "a thinner fluid, a wider gap or a stiffer beam has more; fluid_modes tells f0_kHz and Q, which"
+                " afm.Probe(k_N_m=..., f0_kHz=..., Q=..., R_nm=..., check=False) takes nevertheless"
+            )
+            raise InputError("Q", mode.Q, allowed, hint)
 
 
 def _sizes(cantilever: Cantilever, plan_um: tuple[float, float] | None) -> tuple[float, float]:

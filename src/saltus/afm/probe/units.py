@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from saltus import checks
@@ -22,6 +22,7 @@ __all__ = [
     "check_drive_frequency",
     "check_lever",
     "checked",
+    "other_unit",
     "quantity_of",
     "suffix",
 ]
@@ -262,10 +263,32 @@ def check_drive_frequency(
         return
     low, high = min(f0_kHz) / _SLOWEST, _FASTEST * max(f0_kHz)
     allowed = f"between {low:.3g} and {high:.3g} kHz beside natural frequencies of {_listed(f0_kHz)} kHz"
-    others = [(unit, f_kHz * factor) for unit, factor in _OTHER_UNITS["kHz"].items()]
-    close = [(unit, meant) for unit, meant in others if min(f0_kHz) / _NEAR <= meant <= _NEAR * max(f0_kHz)]
-    slip = "".join(f"in {unit}? then it is {meant:g} kHz; " for unit, meant in close[:1])
+    slip = other_unit("kHz", [f_kHz], lambda one: min(f0_kHz) / _NEAR <= one[0] <= _NEAR * max(f0_kHz))
     raise InputError(name, f_kHz, allowed, f"{slip}{insists}")
+
+
+def other_unit(unit: str, values: Sequence[float], fits: Callable[[Sequence[float]], bool]) -> str:
+    """Return the question whether values were meant in another unit, with "; " behind; nothing where none fits.
+
+    Parameters
+    ----------
+    unit : str
+        The unit in which the values are taken.
+    values : sequence of float
+        One value, or the ends of a range.
+    fits : callable
+        Whether values in `unit` are plausible.
+
+    Examples
+    --------
+    >>> other_unit("kHz", [45e3, 80e3], lambda ends: ends[1] < 1e3)
+    'in Hz? then it is 45 to 80 kHz; '
+    """
+    for other, factor in _OTHER_UNITS.get(unit, {}).items():
+        meant = [value * factor for value in values]
+        if fits(meant):
+            return f"in {other}? then it is {' to '.join(f'{one:g}' for one in meant)} {unit}; "
+    return ""
 
 
 def check_lever(k_N_m: float, f0_kHz: float) -> None:
@@ -284,9 +307,7 @@ def check_lever(k_N_m: float, f0_kHz: float) -> None:
         return
     low, high = (math.sqrt(k_N_m / one * _NG_IN_KG) / (math.tau * 1e3) for one in (_HEAVIEST_NG, _LIGHTEST_NG))
     allowed = f"between {low:.3g} and {high:.3g} kHz beside k_N_m = {k_N_m:g}"
-    meant = [(unit, f0_kHz * factor) for unit, factor in _OTHER_UNITS["kHz"].items()]
-    usual = [(unit, f0) for unit, f0 in meant if _USUAL_NG[0] <= _mass_ng(k_N_m, f0) <= _USUAL_NG[1]]
-    slip = "".join(f"in {unit}? then it is {f0:g} kHz; " for unit, f0 in usual[:1])
+    slip = other_unit("kHz", [f0_kHz], lambda one: _USUAL_NG[0] <= _mass_ng(k_N_m, one[0]) <= _USUAL_NG[1])
     told = f"its modal mass would be {mass:.2g} ng; "
     raise InputError("f0_kHz", f0_kHz, allowed, f"{told}{slip}check=False insists")
 
@@ -318,9 +339,8 @@ def _slip(quantity: Quantity, number: float) -> str:
     """Return the question whether another unit was meant, an empty text where nothing makes the number plausible."""
     if quantity.below and abs(number) < quantity.low:
         return f"{quantity.below}; "
-    for unit, factor in _OTHER_UNITS.get(quantity.unit, {}).items():
-        if _within(quantity, number * factor):
-            return f"in {unit}? then it is {number * factor:g} {quantity.unit}; "
+    if told := other_unit(quantity.unit, [number], lambda one: _within(quantity, one[0])):
+        return told
     too, power = ("small", 1.0) if abs(number) < quantity.low else ("large", -1.0)
     for slip in _SLIPS:
         if _within(quantity, number * slip**power):

@@ -66,7 +66,7 @@ def grid_of(nearest: NDArray[np.float64], farthest: float, most: int) -> Grid:
 def averages(
     centre: NDArray[np.float64], amplitude: NDArray[np.float64], grid: Grid
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the matrices from forces at knots to ``<F>`` and to ``<F u>``, shape (datum, knot) each."""
+    """Return the matrices from forces at places to ``<F>`` and to ``<F u>``, shape (datum, place) each."""
     u = np.clip((grid.places - centre[:, None]) / amplitude[:, None], -1.0, None)
     inner = np.minimum(u, 1.0)
     root, arc = np.sqrt(1.0 - inner**2), np.arcsin(inner)
@@ -83,7 +83,7 @@ def _hats(
     """Return the matrix of a weight with given second antiderivative, and first antiderivative at the last place."""
     slopes = np.diff(twice, axis=1) / (np.diff(grid.places) / amplitude[:, None])
     weights = np.diff(slopes, axis=1, prepend=0.0, append=last[:, None])
-    return np.asarray(weights @ grid.spread / np.pi)
+    return np.asarray(weights / np.pi)
 
 
 def cosines(nodes: int) -> NDArray[np.float64]:

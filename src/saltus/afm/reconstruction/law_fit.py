@@ -179,7 +179,7 @@ def _moments(
 
 def _force(table: ForceTable, gaps: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mean of the forces on both ways."""
-    inwards = table.regions_on_approach(gaps)
-    force = table.force_in(gaps, inwards)
+    inwards, rest = table.regions_on_approach(gaps), np.zeros(gaps.shape)
+    force = table.force_in(gaps, rest, inwards)
     outwards = table.regions_on_retraction(gaps, inwards[:, -1:])
-    return force if np.array_equal(inwards, outwards) else 0.5 * (force + table.force_in(gaps, outwards))
+    return force if np.array_equal(inwards, outwards) else 0.5 * (force + table.force_in(gaps, rest, outwards))

@@ -31,6 +31,7 @@ __all__ = ["LEAST", "Observed", "amplitude_modulation", "frequency_modulation"]
 LEAST = 8  # data, at least, of which a force is made
 _LEAST_SPAN = 1e-3  # nm; distances of the data
 _PM_IN_NM = 1e-3
+_GIVEN = 0.5  # energy that the drive gives, over the lever's loss, below which lags are in another unit
 
 
 @dataclass(frozen=True)
@@ -84,12 +85,26 @@ def amplitude_modulation(
     if wrong := np.flatnonzero(columns["amplitude_nm"] <= 0.0).tolist():
         allowed = "above 0, in each row"
         raise InputError("amplitude_nm", float(columns["amplitude_nm"][wrong[0]]), allowed, f"not in row {wrong[0]}")
+    _check_degrees(columns["lag_deg"], columns["amplitude_nm"] * f_kHz / (f0 * Q * length))
 
     def reduced(seen: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         A = seen["amplitude_nm"]
         return A, 0.5 * ((f_kHz / f0) ** 2 - 1.0 + length / A * np.cos(np.radians(seen["lag_deg"])))
 
     return _observed(columns, errors, reduced, probe, mode)
+
+
+def _check_degrees(lag: NDArray[np.float64], lost: NDArray[np.float64]) -> None:
+    """Raise `InputError` where lags are angles in radians: as degrees they would have the sample give energy.
+
+    The drive gives ``sin(lag)`` of its greatest power, and the lever loses `lost` of it.
+    """
+    largest = float(np.abs(lag).max())
+    given = float(np.median(np.sin(np.radians(lag)) / lost))
+    if largest <= math.tau and given < _GIVEN < float(np.median(np.sin(lag) / lost)):
+        allowed = f"in degrees: with such lags the drive gives {given:.2g} of what the lever loses"
+        hint = f"in rad? then it is {math.degrees(largest):.4g} degrees; numpy.degrees converts"
+        raise InputError("greatest lag_deg", largest, allowed, hint)
 
 
 def _drive_length(drive: Drive, k: float, f0: float, Q: float) -> float:

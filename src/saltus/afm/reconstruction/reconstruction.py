@@ -18,7 +18,7 @@ from saltus.afm.reconstruction.averages import averages, bent_gaps, cosines, gri
 from saltus.afm.reconstruction.force import ReconstructedForce
 from saltus.afm.reconstruction.formulas import FORMULAS, force_matrix
 from saltus.afm.reconstruction.inflection import inflections
-from saltus.afm.reconstruction.inversion import inverted
+from saltus.afm.reconstruction.inversion import Estimate, inverted
 from saltus.afm.reconstruction.observed import LEAST, Observed, amplitude_modulation, frequency_modulation
 from saltus.errors import InputError
 from saltus.fitting.measured import read_table
@@ -205,27 +205,25 @@ def _inverted(observed: Observed, method: str, errors_given: bool, least: int) -
         mean, moment = averages(centre, observed.amplitude, grid)
         shifts = -moment / (observed.k * observed.amplitude[:, None])
         if method == "matrix":
-            found = inverted(shifts, wanted, errors, grid.knots)
-            force, sigma, noise, chi2 = found.force, found.sigma, found.noise, found.chi2
+            found = inverted(shifts, wanted, errors, grid)
         else:
-            force, sigma, noise, chi2 = _by_formula(
-                replace(observed, shift=wanted), method, nearest, grid, shifts, errors
-            )
+            found = _by_formula(replace(observed, shift=wanted), method, nearest, grid, shifts, errors)
+        along = found.along
         if bent is None:
-            centre = observed.centre + observed.compliance * (mean @ force)
-        wanted = observed.shift - _beyond_harmonic(observed, centre, grid, force)
+            centre = observed.centre + observed.compliance * (mean @ along)
+        wanted = observed.shift - _beyond_harmonic(observed, centre, grid, along)
         if errors_given:
-            errors = _errors(observed, _changes(observed, grid, force, centre - observed.centre))
-    known = np.full(len(centre), noise) if errors is None else errors
-    missed = float(np.linalg.norm(shifts @ force - observed.shift) / np.linalg.norm(observed.shift))
-    return _Made(grid.knots, force, sigma, centre, known, chi2, missed)
+            errors = _errors(observed, _changes(observed, grid, along, centre - observed.centre))
+    known = np.full(len(centre), found.noise) if errors is None else errors
+    missed = float(np.linalg.norm(shifts @ along - observed.shift) / np.linalg.norm(observed.shift))
+    return _Made(grid.knots, found.force, found.sigma, centre, known, found.chi2, missed)
 
 
 def _beyond_harmonic(
-    observed: Observed, centre: NDArray[np.float64], grid: Grid, force: NDArray[np.float64]
+    observed: Observed, centre: NDArray[np.float64], grid: Grid, along: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return by how much the higher harmonics of the motion change the reduced shifts."""
-    along, cosine = grid.spread @ force, cosines(_NODES)[1]
+    cosine = cosines(_NODES)[1]
     gaps = centre[:, None] + observed.amplitude[:, None] * cosine
     felt = np.interp(gaps, grid.places, along)
     bent = np.interp(bent_gaps(felt, centre, observed.amplitude, observed.k), grid.places, along)
@@ -239,8 +237,8 @@ def _by_formula(
     grid: Grid,
     shifts: NDArray[np.float64],
     errors: NDArray[np.float64] | None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float, float]:
-    """Return force, its errors, the noise of the data and the squares of what is left, by a formula in print."""
+) -> Estimate:
+    """Return the force by a formula in print."""
     order = np.argsort(nearest)
     ascending = nearest[order]
     if (same := np.flatnonzero(np.diff(ascending) <= 0.0)).size:
@@ -254,20 +252,21 @@ def _by_formula(
     shift = np.interp(whole.knots, ascending, observed.shift[order])
     force = matrix @ shift
     at = np.interp(grid.knots, whole.knots, force)
-    left = shifts @ at - observed.shift
-    known = np.full(len(left), inverted(shifts, observed.shift, None, grid.knots).noise) if errors is None else errors
+    along = grid.spread @ at
+    left = shifts @ along - observed.shift
+    known = np.full(len(left), inverted(shifts, observed.shift, None, grid).noise) if errors is None else errors
     variance = matrix**2 @ np.interp(whole.knots, ascending, known[order]) ** 2
     sigma = np.interp(grid.knots, whole.knots, np.sqrt(variance))
-    return at, sigma, float(known[0]), float(np.sum((left / known) ** 2))
+    return Estimate(along, at, sigma, float(known[0]), float(np.sum((left / known) ** 2)))
 
 
 def _changes(
-    observed: Observed, grid: Grid, force: NDArray[np.float64], bent: NDArray[np.float64]
+    observed: Observed, grid: Grid, along: NDArray[np.float64], bent: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return by how much the shifts of a force change where readings change by their errors."""
+    """Return by how much the shifts of a force at places change where readings change by their errors."""
 
     def shift(centre: NDArray[np.float64], amplitude: NDArray[np.float64]) -> NDArray[np.float64]:
-        found: NDArray[np.float64] = -averages(centre, amplitude, grid)[1] @ force / (observed.k * amplitude)
+        found: NDArray[np.float64] = -averages(centre, amplitude, grid)[1] @ along / (observed.k * amplitude)
         return found
 
     here = shift(observed.centre + bent, observed.amplitude)

@@ -161,7 +161,7 @@ def _crossings(curve: OneParameterCurve[Solved], value: float) -> Iterator[tuple
     arclength, values = curve.arclength.tolist(), curve.values.tolist()
     nodes = [Node(arc, v, i, False, False) for i, (arc, v) in enumerate(zip(arclength, values, strict=True))]
     for i, special in enumerate(curve.special_points):
-        if min(abs(special.arclength - arc) for arc in arclength) > _APART:
+        if np.abs(curve.arclength - special.arclength).min() > _APART:
             turns = special.type in ("SN", "TP")
             nodes.append(Node(special.arclength, special.value(curve.parameter), i, True, turns))
     nodes.sort()
