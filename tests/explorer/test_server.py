@@ -3,11 +3,11 @@
 import socket
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 
 from saltus.errors import InputError, SaltusError
+from saltus.explorer.desk import Listener
 from saltus.explorer.server import Address, Office, free_port
 from saltus.explorer.subjects import of_system
 from screen import TOKEN, asked, served
@@ -115,16 +115,39 @@ def test_a_choice_among_models_begins_with_the_first(office, toys):
         office.desk(None, "benhc")
 
 
-def test_a_desk_is_kept_while_its_page_is_open(office, tmp_path):
-    desk = office.desk(None)
+def test_a_desk_is_closed_when_its_last_page_is_gone(office, tmp_path):
+    desk, first, second = office.desk(None), Listener(), Listener()
     name = desk.session.folder.name
     assert office.desk(name) is desk
-    office.leave(SimpleNamespace(desk=desk))  # another page than the one that listens
+    for page in (first, second):
+        desk.join(page)
+    desk.leave(first)
+    office.attend()
     assert office.desk(name) is desk
-    page = SimpleNamespace(desk=desk, left=lambda: None)
-    desk.taken_by(page)
-    office.leave(page)
+    desk.leave(second)
+    office.attend()
     assert not (tmp_path / name).exists()
+
+
+def test_a_tab_that_is_closed_counts_as_closed(office, toys, tmp_path, taken_steps):
+    steps, results = taken_steps
+    desk, page = office.desk(None), Listener()
+    desk.join(page)
+    desk.session.write(desk.session.add(steps["orbit1"], results["orbit1"]))
+    assert Office(toys, None, tmp_path).unfinished() == desk.session.folder.name
+    desk.leave(page)
+    office.attend()
+    assert Office(toys, None, tmp_path).unfinished() is None
+    again = Office(toys, None, tmp_path).desk(desk.session.folder.name)
+    assert Office(toys, None, tmp_path).unfinished() == again.session.folder.name  # it is open again
+
+
+def test_a_start_offers_no_session_of_another_model(office, toys, tmp_path, taken_steps):
+    steps, results = taken_steps
+    session = office.desk(None, "bench").session
+    session.write(session.add(steps["orbit1"], results["orbit1"]))
+    assert Office(toys, None, tmp_path).unfinished() is None
+    assert Office(toys, toys.subject("bench"), tmp_path).unfinished() == session.folder.name
 
 
 @pytest.mark.campaign

@@ -45,13 +45,21 @@ class DiagramView:
         Called with the `Place` that was clicked.
     tell : callable
         Called with an error's line; empty where there is none.
+    changed : callable, optional
+        Called when other axes were chosen; by default the session is kept.
     """
 
-    def __init__(self, session: Session, select: Callable[[Place], None], tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        session: Session,
+        select: Callable[[Place], None],
+        tell: Callable[[str], None],
+        changed: Callable[[], None] | None = None,
+    ) -> None:
         from bokeh.events import Tap
         from bokeh.models import ColumnDataSource
 
-        self._session, self._select, self._tell = session, select, tell
+        self._session, self._select, self._tell, self._changed = session, select, tell, changed or session.keep
         self._sources = {name: ColumnDataSource(columns) for name, columns in _empty().items()}
         self.unseen: dict[str, str] = {}
         self.figure = look.figure_of("diagram", min_height=300)
@@ -128,7 +136,7 @@ class DiagramView:
             self._tell(next(iter(self.unseen.values())))
         else:
             self._tell("")
-        self._session.keep()
+        self._changed()
 
     def redraw(self) -> None:
         """Draw all results that are not hidden; `unseen` says why others cannot be drawn on these axes."""

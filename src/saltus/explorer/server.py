@@ -32,6 +32,7 @@ LOOPBACK = ("127.0.0.1", "localhost")  # names of this machine for itself
 _PORT = 8710  # tried first
 _UPLOAD = 2**26  # bytes that a session's file may have
 _COOKIE = "saltus_token"
+_PACE = 40  # milliseconds between two looks at what processes say
 
 
 @dataclass(frozen=True)
@@ -97,14 +98,13 @@ class Office:
     def _opened(self, session: Session) -> Desk:
         desk = Desk(self.application, session)
         self._desks[session.folder.name] = desk
+        session.keep()
         return desk
 
     def _new(self, system: str | None = None) -> Session:
         models = self.application
         subject = self.subject or models.subject(system or next(iter(models.titles)))
-        session = Session(subject, new_folder(self.home))
-        session.keep()
-        return session
+        return Session(subject, new_folder(self.home))
 
     def unpacked(self, file: Path) -> str:
         """Return the name of a new session with the content of a file.
@@ -139,32 +139,38 @@ class Office:
         finally:
             removed(folder)
 
+    @property
+    def key(self) -> str:
+        """Key of the system that a new session has."""
+        return next(iter(self.application.titles)) if self.subject is None else self.subject.key
+
     def unfinished(self) -> str | None:
         """Return the newest session of the same system that was not closed on purpose, if it has results."""
         for folder, notes in sessions_in(self.home):
-            mine = self.subject is None or notes["subject"][0] == self.subject.key
-            if mine and notes["entries"] and not notes.get("closed", True) and folder.name not in self._desks:
+            if notes["subject"][0] == self.key and notes["entries"] and not notes.get("closed", True) and folder.name not in self._desks:
                 return folder.name
         return None
 
-    def leave(self, page: Page) -> None:
-        """Close the desk of a page that is gone, unless another page has taken it over."""
-        desk = page.desk
-        if desk.listener is page:
-            self._desks.pop(desk.session.folder.name, None)
-            desk.close()
-            if not desk.session.entries:
-                removed(desk.session.folder)
+    def attend(self) -> None:
+        """Take in what all processes have said; close sessions whose pages are gone when their work is done."""
+        for desk in [*self._desks.values()]:
+            desk.attend()
+            if desk.left and not desk.busy:
+                self._close(desk)
 
     def close(self) -> None:
         """Close all sessions, on purpose."""
-        for desk in self._desks.values():
-            desk.close()
-            if desk.session.entries:
-                desk.session.keep(closed=True)
-            else:
-                removed(desk.session.folder)
-        self._desks.clear()
+        for desk in [*self._desks.values()]:
+            self._close(desk)
+
+    def _close(self, desk: Desk) -> None:
+        """Close a session on purpose: the next start does not offer it."""
+        self._desks.pop(desk.session.folder.name, None)
+        desk.close()
+        if desk.session.entries:
+            desk.session.keep(closed=True)
+        else:
+            removed(desk.session.folder)
 
 
 def _template(office: Office, page: Page) -> Any:
@@ -206,7 +212,7 @@ def _page_of(office: Office) -> Callable[[], Any]:
             from saltus.explorer.page import Page
 
             page = Page(desk, office.uploaded)
-            pn.state.on_session_destroyed(lambda _: office.leave(page))
+            pn.state.on_session_destroyed(lambda _: desk.leave(page))
             pn.state.onload(page.begin)
             _template(office, page).server_doc(pn.state.curdoc)
         return None
@@ -300,6 +306,7 @@ def serve(
     """
     with uncollected():
         import panel as pn
+        from tornado.ioloop import PeriodicCallback
 
         pn.extension(console_output="disable", loading_indicator=False)
     options: Mapping[str, Any] = {
@@ -316,6 +323,7 @@ def serve(
     url = f"http://{address.host}:{address.port}/?token={address.token}" + (f"&session={session}" if session else "")
     server.start()
     _quieten(server.io_loop)
+    PeriodicCallback(office.attend, _PACE).start()
     if opened is not None:
         opened(url)
     if browser:

@@ -152,6 +152,8 @@ class Session:
         if any(name in entry.step.needs for entry in self.entries):
             raise InputError("result", name, "one on which no other rests")
         self.entries = [entry for entry in self.entries if entry.name != name]
+        if self.settings.selected is not None and self.settings.selected.of == name:
+            self.settings.selected = None
         (self.folder / f"{name}.nc").unlink(missing_ok=True)
 
     def keep(self, *, closed: bool = False) -> None:

@@ -17,6 +17,7 @@ __all__ = [
     "choice",
     "column",
     "count",
+    "document",
     "download",
     "film",
     "html",
@@ -52,8 +53,16 @@ def on_click(made: Any, work: Callable[[], object]) -> None:
 
 
 def on_change(made: Any, work: Callable[[Any], object], what: str = "value") -> None:
-    """Do work with a widget's new value when this changes, with the document's lock."""
-    made.param.watch(_locked(lambda event: work(event.new)), what)
+    """Do work with a widget's new value when this changes, with the document's lock.
+
+    A value that has changed again meanwhile is passed over: two pages would send each other their old values for ever.
+    """
+    made.param.watch(_locked(lambda event: work(event.new) if getattr(made, what) == event.new else None), what)
+
+
+def document() -> Any:
+    """Return the document of the page that is made; None without a server."""
+    return pn.state.curdoc
 
 
 def _locked(work: Callable[[Any], object]) -> Any:
