@@ -6,7 +6,6 @@ import _thread
 import gc
 import queue
 import signal
-import sys
 import threading
 import traceback
 from collections.abc import Callable

@@ -273,9 +273,14 @@ def load(path: str | os.PathLike[str]) -> Result:
         return _opened(path)
     with reading(path), xr.open_dataset(path, **READ) as dataset:
         dataset.load()
+    if SESSION in dataset.attrs:
+        hint = f"this is a session of the explorer: saltus explore --load {path} opens it"
+        raise InputError("path", str(path), "the file of one result", hint)
     found: Result = result_in(dataset, path)
     return found
 
+
+SESSION = "saltus_session"  # attribute of a file that has a whole session of the explorer
 
 # How xarray opens a file; no number in it stands for a time of day.
 READ: Mapping[str, Any] = MappingProxyType({"engine": "h5netcdf", "decode_times": False})

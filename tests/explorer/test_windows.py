@@ -2,6 +2,7 @@
 
 import pytest
 
+from saltus.explorer.session import Session, new_folder
 from screen import Screen, browser
 
 pytestmark = [
@@ -62,3 +63,35 @@ def test_two_windows_on_one_session_show_the_same(screen, window, address, home)
         page.wait("sweep1")
     assert screen.errors == other.errors == []
     assert "Traceback" not in (home / "server.log").read_text()
+
+
+def test_sessions_are_named_found_again_and_deleted(screen):
+    first = screen.page.url.partition("session=")[2]
+    screen.fill("session-name", "near the fold")
+    screen.page.wait_for_timeout(300)
+    screen.page.click(".new-session")
+    screen.eventually(lambda: first not in screen.page.url)
+    screen.wait("orbit1")
+    assert not screen.page.locator(".result-branch1").count()
+    assert "near the fold" in screen.text(f"session-{first}")
+    screen.page.click(f".session-{first} a")
+    screen.wait("branch1")
+    assert first in screen.page.url
+    assert screen.page.input_value(".session-name input") == "near the fold"
+    screen.page.wait_for_function("() => document.title == 'near the fold · saltus'")
+    screen.page.click(".new-session")
+    screen.wait("orbit1")
+    for _ in range(2):
+        screen.page.click(f".delete-{first} button")
+    screen.page.wait_for_selector(f".session-{first}", state="detached")
+    assert screen.errors == []
+
+
+def test_a_session_of_another_model_names_it(window, address, home, empty):
+    folder = new_folder(home / "saltus" / "explorer")
+    session = Session(empty.subject, folder)
+    session.keep()
+    screen = Screen(window.new_page(), address, f"&session={folder.name}")
+    chosen = "() => document.querySelector('.systems select').selectedOptions[0].text"
+    assert screen.page.evaluate(chosen) == "ball on a table"
+    assert screen.errors == []

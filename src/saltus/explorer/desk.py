@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from saltus.explorer.steps import Step
     from saltus.progress import Progress
 
-__all__ = ["Desk", "Job", "Listener", "Work"]
+__all__ = ["DELETED", "Desk", "Job", "Listener", "Work"]
+
+DELETED = "this session was deleted in another page"
 
 
 @dataclass(frozen=True)
@@ -177,6 +179,9 @@ class Desk:
         self._warming = self._companion.submit(warm, self.session.subject.definition, self.session.settings.x0)
 
     def _hand_over(self, job: Job) -> None:
+        if self.session.forgotten:
+            self.tell(DELETED, error=True)
+            return
         if self._warming is not None:
             self._companion.stop(self._warming)
             self._warming = None
@@ -251,7 +256,9 @@ class Desk:
         last = self.session.entries[-1].name if self.session.entries else ""
         for job in self._jobs.values():
             if job.step is not None and last in job.step.needs:
-                raise InputError("result", last, "one with which nothing is under way", f"stop the {job.step.noun} first")
+                raise InputError(
+                    "result", last, "one with which nothing is under way", f"stop the {job.step.noun} first"
+                )
         return self.session.undo()
 
     def stop(self) -> None:

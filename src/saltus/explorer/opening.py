@@ -68,7 +68,8 @@ def open_explorer(
     """
     _check_installed()
     with uncollected():
-        from saltus.explorer.server import LOOPBACK, Address, Office, free_port, home_folder, serve
+        from saltus.explorer.office import Office, home_folder
+        from saltus.explorer.server import LOOPBACK, Address, free_port, serve
 
     if host not in LOOPBACK and not token:
         raise InputError("--host", host, "127.0.0.1, or given with --token", "others could use the page otherwise")

@@ -18,8 +18,9 @@ from saltus.explorer.list_view import ListView
 from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
-from saltus.explorer.solutions import observable_of, traits_of
 from saltus.explorer.plane import Search, map_plane
+from saltus.explorer.session_view import link
+from saltus.explorer.solutions import observable_of, traits_of
 from saltus.explorer.steps import Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
 from saltus.explorer.work_line import line_of, share_of
 
@@ -47,7 +48,6 @@ class Page(Listener):
 
     def __init__(self, desk: Desk, uploaded: Callable[[bytes], str]) -> None:
         self.desk, self.session = desk, desk.session
-        self._document = widgets.document()
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
         self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
         self._stop.visible = False
@@ -65,19 +65,12 @@ class Page(Listener):
         widgets.on_change(self._file, lambda content: self._open(content, uploaded))
         self.undo = widgets.button("Undo", "undo", tip="drop the last result")
         widgets.on_click(self.undo, self._undo)
-        desk.join(self, self._post)
+        desk.join(self, widgets.poster())
         if self.session.settings.selected is None:
             first = next((e for e in self.session.entries if e.step.noun in ("orbit", "equilibrium")), None)
             self.session.settings.selected = None if first is None else Place(of=first.name)
         self._show_all()
         self.worked(desk.work)
-
-    def _post(self, work: Callable[[], None]) -> None:
-        """Do work soon, with the document's lock; at once where there is no server."""
-        if self._document is None:
-            work()
-        else:
-            self._document.add_next_tick_callback(work)
 
     # ---- parts of the page ----
 
@@ -140,9 +133,9 @@ class Page(Listener):
     def _open(self, content: bytes | None, uploaded: Callable[[bytes], str]) -> None:
         if content:
             try:
-                where = escape(uploaded(content))
+                where = uploaded(content)
                 self._line("")
-                self._message.object = f'The session is read: <a href="?session={where}">open it</a>'
+                self._message.object = f"The session is read: {link({'session': where}, 'open it')}"
             except SaltusError as error:
                 self._line(str(error))
 

@@ -71,9 +71,7 @@ def map_plane(
     if known is not None:
         found(known)
         return
-    step = Attract(
-        parameters=parameters, region=region, starts=_STARTS, motions=_MOTIONS, interval=search.interval
-    )
+    step = Attract(parameters=parameters, region=region, starts=_STARTS, motions=_MOTIONS, interval=search.interval)
     desk.run(step, found)
 
 

@@ -18,7 +18,7 @@ from saltus.errors import InputError, SaltusError
 from saltus.explorer.steps import Place, Step, step_from
 from saltus.explorer.subjects import Subject, system_of
 from saltus.files import whole_file, write_sealed
-from saltus.result import READ, load, netcdf, reading, result_in, tagged
+from saltus.result import READ, SESSION, load, netcdf, reading, result_in, tagged
 
 if TYPE_CHECKING:
     from saltus.result import Result
@@ -73,6 +73,10 @@ class Session:
         Steps in the order in which they were taken.
     settings : Settings
         What is set on the page.
+    name : str
+        What the person calls it; empty without.
+    forgotten : bool
+        Whether nothing is kept any more, since the folder was deleted.
     """
 
     def __init__(self, subject: Subject, folder: Path) -> None:
@@ -81,7 +85,9 @@ class Session:
         self.entries: list[Entry] = []
         states = len(self.system.states)
         self.settings = Settings(dict(self.system.parameters), subject.x0 or (0.0,) * states)
+        self.name = ""
         self._written: set[str] = set()
+        self.forgotten = False
         folder.mkdir(parents=True, exist_ok=True)
 
     @property
@@ -125,6 +131,8 @@ class Session:
         InputError
             The folder cannot be written.
         """
+        if self.forgotten:
+            return
         entry.result.save(self.folder / f"{entry.name}.nc")
         self._written.add(entry.name)
         self.keep()
@@ -158,6 +166,8 @@ class Session:
 
     def keep(self, *, closed: bool = False) -> None:
         """Write down all but the results; `closed` says that the person has left on purpose."""
+        if self.forgotten:
+            return
         written = [entry for entry in self.entries if entry.name in self._written]
         notes = self._notes(written) | {"closed": closed, "at": time.time()}
         with whole_file(self.folder / _NOTES, "session") as draft:
@@ -167,6 +177,7 @@ class Session:
         kept = self.settings
         return {
             "format": _FORMAT,
+            "name": self.name,
             "subject": [*self.subject[:4], dict(self.subject.ranges)],
             "entries": [
                 {"name": e.name, "step": e.step.model_dump(), "seconds": e.seconds, "notes": list(e.notes)}
@@ -221,7 +232,7 @@ class Session:
         import xarray as xr
 
         with reading(file), xr.open_datatree(file, **READ) as tree:
-            text = tree.attrs.get("saltus_session")
+            text = tree.attrs.get(SESSION)
             datasets = {name: node.to_dataset().load() for name, node in tree.children.items()}
         notes = _checked(text, file)
         if missing := [name for name in _names(notes) if name not in datasets]:
@@ -248,7 +259,7 @@ class Session:
         """
         import xarray as xr
 
-        root = xr.Dataset(attrs={"saltus_session": json.dumps(self._notes(self.entries))})
+        root = xr.Dataset(attrs={SESSION: json.dumps(self._notes(self.entries))})
         groups = {entry.name: tagged(entry.result) for entry in self.entries}
         write_sealed(file, netcdf({"": root, **groups}))
         return file
@@ -262,6 +273,7 @@ class Session:
             subject = Subject(str(key), str(definition), tuple(map(str, lines)), tuple(map(float, x0)), ends)
             system_of(subject.definition)
             session = cls(subject, folder)
+            session.name = str(notes.get("name", ""))
             for plain in notes["entries"]:
                 step, told = step_from(plain["step"]), tuple(map(str, plain["notes"]))
                 entry = Entry(plain["name"], step, results[plain["name"]], float(plain["seconds"]), told)

@@ -17,7 +17,6 @@ __all__ = [
     "choice",
     "column",
     "count",
-    "document",
     "download",
     "film",
     "html",
@@ -25,6 +24,7 @@ __all__ = [
     "on_change",
     "on_click",
     "pane",
+    "poster",
     "quantity",
     "row",
     "slider",
@@ -60,9 +60,10 @@ def on_change(made: Any, work: Callable[[Any], object], what: str = "value") -> 
     made.param.watch(_locked(lambda event: work(event.new) if getattr(made, what) == event.new else None), what)
 
 
-def document() -> Any:
-    """Return the document of the page that is made; None without a server."""
-    return pn.state.curdoc
+def poster() -> Callable[[Callable[[], None]], object]:
+    """Return a function that does work soon, with the lock of the page that is made now; at once without a server."""
+    document = pn.state.curdoc
+    return (lambda work: work()) if document is None else document.add_next_tick_callback
 
 
 def _locked(work: Callable[[Any], object]) -> Any:
