@@ -11,6 +11,7 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from html import escape
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -203,6 +204,11 @@ class Result(ABC):
         from saltus.plotting import plot
 
         return plot(self, *args, **options)
+
+    def _repr_html_(self) -> str:
+        from saltus.plotting import picture_in_html
+
+        return f"<pre>{escape(repr(self))}</pre>{picture_in_html(self)}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self).from_xarray, (self.to_xarray(),)

@@ -127,10 +127,16 @@ def home(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def address(home):
-    """Serve pages for all tests in a browser."""
-    with served(home) as (found, _):
+def server(home):
+    """Serve pages for all tests in a browser: the address and the process."""
+    with served(home) as found:
         yield found
+
+
+@pytest.fixture(scope="session")
+def address(server) -> str:
+    """Return the address of the server that all tests in a browser share."""
+    return server[0]
 
 
 @pytest.fixture(scope="session")

@@ -79,10 +79,11 @@ def test_a_step_is_handed_over_as_plain_data_with_what_it_needs(desk, taken_step
     desk.session.add(steps["orbit1"], results["orbit1"])
     desk.session.add(steps["sweep1"], results["sweep1"])
     desk.run(steps["branch1"])
-    function, definition, plain, needed = desk._companion.pieces[1]
+    function, definition, plain, needed, axes = desk._companion.pieces[1]
     assert (function, definition) == (take, desk.session.subject.definition)
     assert plain == steps["branch1"].model_dump()
     assert needed == {"orbit1": results["orbit1"]}
+    assert axes == desk.session.settings.axes
     assert desk.busy
     assert desk.listener.work == [("branch", None)]
 
@@ -170,6 +171,24 @@ def test_the_application_films(desk, results, toys):
     assert desk.listener.films == [desk.session.folder / "film.gif"]
     assert desk.listener.films[0].read_text() == "6.283185"
     assert desk.session.entries == []
+
+
+def test_what_was_found_of_a_branch_is_shown_on_the_axes_that_are_still_there(desk, taken_steps):
+    desk.session.settings.axes = ("a", "max_z")
+    desk.run(taken_steps[0]["branch1"])
+    desk._companion.said = [Message(1, "progress", Progress(k, None, 1.0, "", (0.1 * k, 1.0))) for k in (1, 2)]
+    desk.listen()
+    assert desk.work.trail == ((0.1, 1.0), (0.2, 1.0))
+    desk.session.settings.axes = ("a", "min_z")
+    assert desk.work.trail == ()
+
+
+def test_where_no_attractor_is_periodic_the_motion_is_shown(desk, taken_steps):
+    desk.run(taken_steps[0]["orbit1"])
+    desk._companion.said = [Message(1, "error", "periodic attractor: no convergence; the motion is chaotic")]
+    desk.listen()
+    assert desk.listener.lines == [("periodic attractor: no convergence; the motion is chaotic", True)]
+    assert desk.work.what.startswith("motion: saltus.simulate(system, {'a': 1.2}, [0.6, 3.1, 0.5], periods=200)")
 
 
 def test_all_pages_hear_the_same_each_under_its_own_lock(desk, taken_steps):

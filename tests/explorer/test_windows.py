@@ -95,3 +95,12 @@ def test_a_session_of_another_model_names_it(window, address, home, empty):
     chosen = "() => document.querySelector('.systems select').selectedOptions[0].text"
     assert screen.page.evaluate(chosen) == "ball on a table"
     assert screen.errors == []
+
+
+def test_a_script_that_may_not_be_copied_is_shown(screen, kept):
+    screen.page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject() }")
+    screen.page.click(".copy-python")
+    screen.page.wait_for_selector("#script[open]")
+    assert screen.page.input_value("#script textarea") == kept.script()
+    screen.page.click("#script button")
+    screen.page.wait_for_selector("#script", state="hidden")

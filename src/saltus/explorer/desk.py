@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from saltus.companion import Companion
 from saltus.errors import InputError, SaltusError
+from saltus.explorer.motions import motion_instead
 from saltus.explorer.tasks import Outcome, prepare, take, warm
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ class Job:
     step: Step | None = None  # the step; None for a film
     done: Callable[[Entry], None] | None = None  # called with the entry of a step
     replaces: str = ""  # name of a result that this one replaces
+    axes: tuple[str, ...] = ()  # what the diagram showed when it was asked for
 
 
 class Work(NamedTuple):
@@ -41,6 +43,7 @@ class Work(NamedTuple):
     progress: Progress | None = None  # how far it has come, once that is known
     waiting: tuple[str, ...] = ()  # what waits behind it, in words
     stopping: bool = False  # whether it was told to stop
+    trail: tuple[tuple[float, float], ...] = ()  # places on the diagram's axes of what was found so far
 
 
 class Listener:
@@ -89,6 +92,7 @@ class Desk:
         self._companion = Companion(prepare)
         self._jobs: dict[int, Job] = {}
         self._progress: Progress | None = None
+        self._trail: list[tuple[float, float]] = []
         self._stopping: set[int] = set()
         self._unwritten: list[Entry] = []
         self._warming: int | None = None
@@ -104,7 +108,9 @@ class Desk:
         if not self._jobs:
             return Work()
         (key, job), *others = self._jobs.items()
-        return Work(job.what, self._progress, tuple(other.what for _, other in others), key in self._stopping)
+        waiting = tuple(other.what for _, other in others)
+        trail = tuple(self._trail) if job.axes == self.session.settings.axes else ()
+        return Work(job.what, self._progress, waiting, key in self._stopping, trail)
 
     # ---- pages ----
 
@@ -166,8 +172,9 @@ class Desk:
             Name of a result that this one replaces.
         """
         results = {name: result for name, result in self.session.results.items() if name in step.needs}
-        arguments = (self.session.subject.definition, step.model_dump(), results)
-        self._hand_over(Job(f"{step.noun}: {step.text()}", take, arguments, step, done, replaces))
+        axes = self.session.settings.axes
+        arguments = (self.session.subject.definition, step.model_dump(), results, axes)
+        self._hand_over(Job(f"{step.noun}: {step.text()}", take, arguments, step, done, replaces, axes))
 
     def film(self, orbit: Any) -> None:
         """Film an orbit into the session's folder."""
@@ -205,13 +212,17 @@ class Desk:
         for message in messages:
             if message.kind == "progress":
                 self._progress = message.content
+                if message.content.last is not None:
+                    self._trail.append(message.content.last)
                 continue
-            job, self._progress = self._jobs.pop(message.key), None
+            job, self._progress, self._trail = self._jobs.pop(message.key), None, []
             self._stopping.discard(message.key)
             if message.kind == "result":
                 self._arrived(job, message.content)
             elif message.kind == "error":
                 self.tell(str(message.content), error=True)
+                if (motion := motion_instead(job.step, str(message.content), self.session.system)) is not None:
+                    self.run(motion)
             else:
                 self.tell("stopped before there was anything to keep")
         if messages:
@@ -275,6 +286,7 @@ class Desk:
         self._jobs.clear()
         self._stopping.clear()
         self._progress = self._warming = None
+        self._trail = []
         self.start()
         for job in later:
             self._hand_over(job)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import sys
 import threading
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from saltus.explorer.application import Application
     from saltus.explorer.subjects import Subject
 
-__all__ = ["frame_in_notebook", "is_notebook", "open_explorer"]
+__all__ = ["frame_in_notebook", "open_explorer"]
 
 _SHORTEST = 12  # characters of a token, at least
 _HEIGHT = 860  # pixels of the page in a notebook
@@ -89,12 +88,6 @@ def _check_installed() -> None:
         raise SaltusError(f"the explorer needs {' and '.join(missing)}: pip install 'saltus[app]'")
 
 
-def is_notebook() -> bool:
-    """Return whether this runs in the kernel of a notebook."""
-    shell = sys.modules.get("IPython")
-    return shell is not None and "IPKernelApp" in getattr(shell.get_ipython(), "config", {})
-
-
 def frame_in_notebook(application: Application, subject: Subject | None, file: Path | None, port: int | None) -> Any:
     """Return the page in a frame, as the output of a notebook's cell; a process beside the kernel serves it.
 
@@ -118,7 +111,7 @@ def frame_in_notebook(application: Application, subject: Subject | None, file: P
         raise SaltusError("the process that serves the page has ended; its last words are on stderr") from None
     if isinstance(told, SaltusError):
         raise told
-    return IFrame(told, width="100%", height=_HEIGHT)
+    return IFrame(told, width="100%", height=_HEIGHT, extras=['allow="clipboard-write"'])
 
 
 def _serve_beside(

@@ -15,6 +15,8 @@ from saltus.explorer.basin_view import BasinView
 from saltus.explorer.desk import Desk, Listener, Work
 from saltus.explorer.diagram_view import DiagramView
 from saltus.explorer.list_view import ListView
+from saltus.explorer.numerics import with_numerics
+from saltus.explorer.numerics_view import NumericsView
 from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
@@ -58,6 +60,7 @@ class Page(Listener):
         self.orbit.tabs.append(("Basins", self.basins.panel))
         self._film = widgets.film()
         self.parameters = ParameterView(self.session, self._settings_changed)
+        self.numerics = NumericsView(self.session, self._settings_changed)
         self.starts = StartView(self.session, self.run, self._observed)
         self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films)
         self.list = ListView(self.session, self._hidden_changed)
@@ -81,6 +84,7 @@ class Page(Listener):
             "controls": widgets.column(
                 self.starts.panel,
                 self.parameters.panel,
+                self.numerics.panel,
                 widgets.html("heading", "<h2>Open a session</h2>", (8, 8, 0, 8)),
                 self._file,
             ),
@@ -121,6 +125,11 @@ class Page(Listener):
     def run(self, step: Step, done: Callable[[Entry], None] | None = None, replaces: str = "") -> None:
         """Take a step in the companion process."""
         self._line("")
+        try:
+            step = with_numerics(step, self.session.settings.numerics, self.session.system)
+        except SaltusError as error:
+            self._line(str(error))
+            return
         self.desk.run(step, done, replaces)
 
     def _stop_clicked(self) -> None:
@@ -220,6 +229,7 @@ class Page(Listener):
         """Show what another page has changed."""
         self.diagram.set_axes(*self.session.settings.axes)
         self.parameters.show()
+        self.numerics.show()
         self._show_all()
 
     def worked(self, work: Work) -> None:
@@ -228,6 +238,7 @@ class Page(Listener):
         self._stop.name = _END if work.stopping else _STOP
         self._bar.value = share_of(work.progress)
         self._work.object = line_of(work)
+        self.diagram.draw_trail(work.trail)
 
     def told(self, line: str, *, error: bool = False) -> None:
         """Show a line."""

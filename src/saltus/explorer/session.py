@@ -15,7 +15,9 @@ from uuid import uuid4
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
-from saltus.explorer.steps import Place, Step, step_from
+from saltus.explorer.numerics import Numerics
+from saltus.explorer.solutions import observable_of
+from saltus.explorer.steps import Place, Step, Sweep, step_from
 from saltus.explorer.subjects import Subject, system_of
 from saltus.files import whole_file, write_sealed
 from saltus.result import READ, SESSION, load, netcdf, reading, result_in, tagged
@@ -55,6 +57,7 @@ class Settings:
     planes: tuple[str, ...] = ()  # what the phase portrait shows
     selected: Place | None = None  # the solution that the right side shows
     hidden: set[str] = field(default_factory=set)  # names of results that are not drawn
+    numerics: Numerics = field(default_factory=Numerics)  # steps, tolerances, the section of sweeps
 
 
 class Session:
@@ -191,6 +194,7 @@ class Session:
             "planes": list(kept.planes),
             "selected": None if kept.selected is None else kept.selected.model_dump(),
             "hidden": sorted(kept.hidden),
+            "numerics": kept.numerics.model_dump(exclude_defaults=True),
         }
 
     @classmethod
@@ -283,6 +287,7 @@ class Session:
             kept.x0, kept.mode = tuple(map(float, notes["x0"])), notes["mode"]
             kept.sets, kept.hidden = dict(notes["sets"]), set(map(str, notes["hidden"]))
             kept.axes, kept.planes = tuple(map(str, notes["axes"])), tuple(map(str, notes["planes"]))
+            kept.numerics = Numerics.model_validate(notes.get("numerics", {}))
             kept.selected = None if notes["selected"] is None else Place.model_validate(notes["selected"])
         except SaltusError:
             raise
@@ -290,6 +295,16 @@ class Session:
             why = " ".join(f"{type(error).__name__}: {error}".split())
             raise InputError("path", str(folder), "a whole session", why) from error
         return session
+
+    def _plot_text(self, entry: Entry) -> str:
+        """Return Python that draws a result on the diagram's axes, up to the closing bracket; empty where none does."""
+        if entry.step.noun in ("branch", "locus"):
+            return f"{entry.name}.plot({', '.join(map(repr, self.settings.axes))}"
+        if not isinstance(entry.step, Sweep) or self.settings.axes[:1] != (entry.step.parameter,):
+            return ""
+        seen = observable_of(self.settings.axes[1], self.system)
+        known = (*self.system.states, *entry.step.observables)
+        return f"{entry.name}.plot({seen!r}" if seen in known else ""
 
     def script(self) -> str:
         """Return Python that computes everything that the session has, and draws its diagram.
@@ -309,11 +324,11 @@ class Session:
             lines.insert(lines.index("import saltus"), "import numpy as np")
         lines.append("")
         lines += [f"{entry.name} = {entry.step.text()}" for entry in self.entries]
-        drawn = [e for e in self.entries if e.step.noun in ("branch", "locus") and e.name not in self.settings.hidden]
-        if drawn:
-            axes = "".join(f"{name!r}, " for name in self.settings.axes)
-            lines += ["", f"ax = {drawn[0].name}.plot({axes.removesuffix(', ')})"]
-            lines += [f"{entry.name}.plot({axes}ax=ax, legend=False)" for entry in drawn[1:]]
+        drawn = [e for e in self.entries if e.name not in self.settings.hidden]
+        plots = [told for entry in drawn if (told := self._plot_text(entry))]
+        if plots:
+            lines += ["", f"ax = {plots[0]})"]
+            lines += [f"{told}{', ' if told[-1] != '(' else ''}ax=ax, legend=False)" for told in plots[1:]]
             lines += ['ax.figure.savefig("diagram.png", dpi=200)']
         return "\n".join(lines) + "\n"
 

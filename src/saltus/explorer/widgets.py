@@ -19,6 +19,7 @@ __all__ = [
     "count",
     "download",
     "film",
+    "fold",
     "html",
     "number",
     "on_change",
@@ -83,7 +84,13 @@ def html(name: str, text: str = "", margin: tuple[int, ...] = (4, 8), **options:
     return pn.pane.HTML(text, css_classes=[name], margin=margin, stylesheets=_sheets(), **options)
 
 
-def number(title: str, value: float, width: int, name: str = "", margin: tuple[int, ...] = _MARGIN) -> Any:
+def fold(title: str, *parts: Any) -> Any:
+    """Return parts below each other, which a click on their title shows and hides; hidden at first."""
+    options = {"collapsed": True, "margin": (8, 4), "sizing_mode": "stretch_width", "css_classes": ["fold"]}
+    return pn.Card(*parts, title=title, stylesheets=_sheets(), **options)
+
+
+def number(title: str, value: float | None, width: int, name: str = "", margin: tuple[int, ...] = _MARGIN) -> Any:
     """Return a field for a number."""
     options = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
     return pn.widgets.FloatInput(name=title, value=value, width=width, **options)
