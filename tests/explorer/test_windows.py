@@ -2,7 +2,9 @@
 
 import pytest
 
+import saltus
 from saltus.explorer.session import Session, new_folder
+from saltus.explorer.subjects import of_system
 from screen import Screen, browser
 
 pytestmark = [
@@ -104,3 +106,46 @@ def test_a_script_that_may_not_be_copied_is_shown(screen, kept):
     assert screen.page.input_value("#script textarea") == kept.script()
     screen.page.click("#script button")
     screen.page.wait_for_selector("#script", state="hidden")
+
+
+def shown(window, address, home, system, **settings) -> Screen:
+    """Return a page of a new session of a system."""
+    folder = new_folder(home / "saltus" / "explorer")
+    session = Session(of_system(system), folder)
+    for name, value in settings.items():
+        setattr(session.settings, name, value)
+    session.keep()
+    return Screen(window.new_page(), address, f"&session={folder.name}")
+
+
+def test_a_chaotic_motion_is_shown_and_swept_on_a_section(window, address, home):
+    field = {"x": "sigma*(y - x)", "y": "x*(r - z) - y", "z": "x*y - b*z"}
+    lorenz = saltus.HybridSystem.smooth(field, {"sigma": 10.0, "r": 28.0, "b": 8.0 / 3.0})
+    screen = shown(window, address, home, lorenz, x0=(1.0, 1.0, 20.0), axes=("r", "max_z"))
+    screen.wait("equilibrium1")
+    screen.page.click(".find-orbit")
+    assert "200" in screen.wait("motion1")
+    assert "periodic attractor" in screen.text("message")
+    screen.page.click(".fold .card-header")
+    screen.fill("numerics-discard", "20")
+    screen.fill("section", "max(z)")
+    screen.page.select_option(".select-sweep select", "r")
+    screen.fill("sweep-values", "5")
+    screen.page.click(".sweep")
+    assert "sweep1" in screen.wait("sweep1")
+    assert len(screen.column("diagram", "dots", "x")) > 100
+    assert "saltus.Section('x*y-b*z', -1)" in screen.page.get_attribute(".result-sweep1 .result", "title")
+    assert screen.errors == []
+
+
+def test_a_branch_is_followed_with_steps_of_ones_own_and_extended(screen):
+    screen.page.click(".fold .card-header")
+    screen.fill("numerics-max_points", "15")
+    first = screen.column("diagram", "points", "of").index("branch1")
+    screen.click_at("diagram", *[screen.column("diagram", "points", axis)[first] for axis in "xy"])
+    screen.until("selected", "branch1 point 0")
+    screen.page.click(".extend")
+    screen.wait("branch2")
+    title = screen.page.get_attribute(".result-branch2 .result", "title")
+    assert "directions='down', steps=saltus.StepControl(max_points=15)" in title
+    assert screen.errors == []

@@ -159,7 +159,7 @@ class ActionView:
     def _outwards(self) -> str:
         """Return which way the parameter goes beyond the end of a branch that is selected; empty elsewhere."""
         place = self._place()
-        values = getattr(self._session.results[place.of], "values", ())
+        values: Any = getattr(self._session.results[place.of], "values", ())
         if place.index is None or len(values) < 2 or place.index not in (0, len(values) - 1):
             return ""
         last, before = (values[0], values[1]) if place.index == 0 else (values[-1], values[-2])

@@ -38,5 +38,5 @@ def motion_instead(step: Step | None, error: str, system: HybridSystem) -> Move 
     """
     if not isinstance(step, FindOrbit) or _WORDS not in error:
         return None
-    span = {"t_end": _SPAN} if system.phase is None else {"periods": _PERIODS}
-    return Move(parameters=step.parameters, x0=step.x0, mode=step.mode, **span)  # type: ignore[arg-type]  # it checks
+    periods, t_end = (None, _SPAN) if system.phase is None else (_PERIODS, None)
+    return Move(parameters=step.parameters, x0=step.x0, mode=step.mode, periods=periods, t_end=t_end)

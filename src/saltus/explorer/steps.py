@@ -309,8 +309,9 @@ class Sweep(Step):
 
         values, x0 = np.linspace(*self.bounds, self.count), list(self.x0) or None
         section = Section(*self.section) if isinstance(self.section, tuple) else self.section
-        given = {"follow": self.direction, "observables": self.observables, "section": section, "workers": 1}
-        options = SweepOptions(**given, **self._numerics())  # type: ignore[arg-type]  # it checks them
+        options = SweepOptions(
+            follow=self.direction, observables=self.observables, section=section, workers=1, **self._numerics()
+        )
         given = self.parameters
         return run_sweep(system, self.parameter, values, parameters=given, x0=x0, options=options, progress=progress)
 
