@@ -82,7 +82,9 @@ class DiagramView:
         from bokeh.models import HoverTool
 
         made, sources = self.figure, self._sources
-        made.scatter("x", "y", source=sources["dots"], size=2.5, color=look.CURVES[1], alpha=0.6, line_color=None)
+        made.scatter(
+            "x", "y", source=sources["dots"], size=2.5, color=look.CURVES[1], alpha=0.6, line_color=None, name="dots"
+        )
         made.scatter("x", "y", source=sources["alone"], size=7, color=look.CURVES[0])
         made.multi_line(
             "xs", "ys", source=sources["strands"], line_color="colour", line_dash="dash", line_width="width",

@@ -45,7 +45,7 @@ class NumericsView:
         self._fields = {name: self._field(name, title) for name, title in _FIELDS.items()}
         names = section_names(session.system)
         usual = "phase 0" if session.system.phase is not None else names[0]
-        self._section = widgets.quantity(f"section of sweeps ({usual})", names, "", 236, "section")
+        self._section = widgets.text("section", f"section of sweeps: {usual}", 236)
         widgets.on_change(self._section, lambda _: self._take())
         self.panel = widgets.fold("Numerics", widgets.row(*self._fields.values(), wrap=True), self._section)
         self.show()
