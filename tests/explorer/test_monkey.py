@@ -99,8 +99,6 @@ def test_random_actions_lose_nothing(window, server, home, name, count):
     Session(of_system(SYSTEMS[name](), name), folder).keep()
     said = len((home / "server.log").read_text())
     windows = [Screen(window.new_page(), address, f"&session={folder.name}") for _ in range(2)]
-    for screen in windows:
-        screen.page.set_default_timeout(60_000)
     monkey, halfway = Monkey(windows, f"{name} {count}"), 0.0
     for k in range(count):
         monkey.act()

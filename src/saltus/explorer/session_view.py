@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 __all__ = ["SessionView", "line_of", "link"]
 
 _MOST = 30  # sessions that are listed
-_DELETE, _SURE = "\u2715", "Delete?"  # what a button says before it was pressed, and after
+_DELETE = "\u2715"  # what a button says before it was pressed
+_SURE = "Delete?"  # and after
 
 
 class SessionView(Listener):

@@ -15,7 +15,8 @@ from saltus.plotting.style import check_matplotlib
 
 __all__ = ["picture_in_html", "plot"]
 
-_SMALL, _DPI = (4.0, 2.6), 80  # size of a small picture in inches, and its pixels in an inch
+_SMALL = (4.0, 2.6)  # size of a small picture in inches
+_DPI = 80  # its pixels in an inch
 _MOST_DRAWN = 2e7  # bytes of a result of which a small picture is made
 
 # The module that draws each kind of result, by the kind's full name.

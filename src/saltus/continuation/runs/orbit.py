@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -117,9 +115,9 @@ class OrbitRun(OneParameterRun):
         data = point.examined.data
         return orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
 
-    def last(self, piece: OrbitZeroProblem, point: Point) -> Callable[[], PeriodicOrbit]:
+    def last(self, piece: OrbitZeroProblem, point: Point) -> Any:
         """See `Run.last`."""
-        return partial(self.orbit_of, piece, point)
+        return lambda: self.orbit_of(piece, point)
 
     def halved(self, branch: OrbitZeroProblem, point: Point) -> Point | None:
         """Return a branch point at which the period halves, located; None where it does not halve."""
