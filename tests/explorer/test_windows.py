@@ -121,7 +121,7 @@ def shown(window, address, home, system, **settings) -> Screen:
 def test_a_chaotic_motion_is_shown_and_swept_on_a_section(window, address, home):
     field = {"x": "sigma*(y - x)", "y": "x*(r - z) - y", "z": "x*y - b*z"}
     lorenz = saltus.HybridSystem.smooth(field, {"sigma": 10.0, "r": 28.0, "b": 8.0 / 3.0})
-    screen = shown(window, address, home, lorenz, x0=(1.0, 1.0, 20.0), axes=("r", "max_z"))
+    screen = shown(window, address, home, lorenz, x0=(1.0, 1.0, 20.0), axes=("r", "z"))
     screen.wait("equilibrium1")
     screen.page.click(".find-orbit")
     assert "200" in screen.wait("motion1")
