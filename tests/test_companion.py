@@ -1,5 +1,6 @@
 """A companion does its work in turn, reports, is stopped with what is done, and comes back after it has died."""
 
+import math
 import os
 import sys
 import time
@@ -56,6 +57,22 @@ def _imports_slowly(folder: str, *, progress) -> str:
             time.sleep(0.01)
     except KeyboardInterrupt:
         return slow_to_import.ready
+
+
+def _compiles(*, progress) -> str:
+    import numba
+
+    lines = [f"    if x > {k}.0:\n        x = math.sin(x) + {k}.0*math.sqrt(abs(x))" for k in range(40)]
+    space: dict = {"math": math}
+    exec("def long_text(x):\n" + "\n".join(lines) + "\n    return x", space)
+    made = numba.njit(space["long_text"])
+    progress(Progress(0, None, 1.0))
+    try:
+        made(1.0)
+        while True:
+            time.sleep(0.01)
+    except KeyboardInterrupt:
+        return f"{len(made.signatures)} compiled"
 
 
 @pytest.fixture
@@ -129,6 +146,15 @@ def test_no_import_is_interrupted(companion, tmp_path):
     _begun(companion, key)
     companion.stop(key)
     assert _last(companion, key).content == "whole"
+
+
+@pytest.mark.campaign
+def test_no_compilation_is_interrupted(companion, capfd):
+    key = companion.submit(_compiles)
+    _begun(companion, key)
+    companion.stop(key)
+    assert _last(companion, key).content == "1 compiled"
+    assert capfd.readouterr().err == ""
 
 
 def test_a_companion_is_ended_whatever_it_does(companion):

@@ -45,6 +45,31 @@ def test_what_cannot_be_found_is_told(tmp_path, reference, message):
         attribute_of(reference, tmp_path, "system")
 
 
+@pytest.mark.parametrize(
+    ("text", "line", "told"),
+    [
+        ("a = {\n1: 2\n", 1, "SyntaxError: '{' was never closed"),
+        ("a = 1\nb = c\n", 2, "NameError: name 'c' is not defined"),
+        ("import no_such_module\n", 1, "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("\n\nraise SystemExit(3)\n", 3, "SystemExit: 3"),
+        (
+            "import saltus\ndef f():\n    return saltus.HybridSystem.smooth({'x': '-k*x'}, {'w': 1.0})\na = f()\n",
+            3,
+            "mode 'smooth' = '-k*x': must be in x, w and pi, but 'k' is unknown",
+        ),
+    ],
+)
+def test_a_mistake_in_a_file_of_a_user_is_told_with_its_line(tmp_path, monkeypatch, text, line, told):
+    (tmp_path / "with_a_mistake.py").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError) as raised:
+        attribute_of("with_a_mistake:a", tmp_path, "SYSTEM")
+    assert str(raised.value).endswith(
+        f"must be code that runs without an error; with_a_mistake.py, line {line}: {told}"
+    )
+    sys.modules.pop("with_a_mistake", None)
+
+
 def made(k, *, d=0.1):
     return k, d
 

@@ -29,7 +29,7 @@ def test_from_a_script_the_page_is_served_and_its_address_printed(monkeypatch, c
         asked.update(options)
         told("http://127.0.0.1:8710")
 
-    monkeypatch.setattr(opening, "is_notebook", lambda: False)
+    monkeypatch.setattr("saltus.exploring.in_notebook", lambda: False)
     monkeypatch.setattr(opening, "open_explorer", serve)
     assert saltus.explore(port=8710, browser=False) is None
     assert asked == {"port": 8710, "browser": False}
@@ -37,6 +37,6 @@ def test_from_a_script_the_page_is_served_and_its_address_printed(monkeypatch, c
 
 
 def test_from_a_notebook_a_frame_is_returned(monkeypatch):
-    monkeypatch.setattr(opening, "is_notebook", lambda: True)
+    monkeypatch.setattr("saltus.exploring.in_notebook", lambda: True)
     monkeypatch.setattr(opening, "frame_in_notebook", lambda *arguments: arguments[-1])
     assert saltus.explore(port=7) == 7

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
+
 import pytest
 
 from saltus.errors import InputError
@@ -92,3 +95,24 @@ def test_an_error_ends_the_bar_and_is_raised(capsys: pytest.CaptureFixture[str])
 )
 def test_durations_have_two_units_at_most(seconds: float, text: str) -> None:
     assert duration_text(seconds) == text
+
+
+def test_a_notebook_shows_one_bar_that_moves_and_no_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[str] = []
+    handle = SimpleNamespace(update=seen.append)
+
+    def display(what: str, display_id: bool) -> SimpleNamespace:
+        seen.append(what)
+        return handle
+
+    kernel = SimpleNamespace(config={"IPKernelApp": {}})
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: kernel))
+    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(HTML=str, display=display))
+    with Reporter(True, 2) as reporter:
+        reporter.step(1, "w < 1")
+        reporter.step(1, "w = 2")
+    assert seen[0] == "starting"
+    assert seen[1].startswith('<progress value="1" max="2"></progress>  50.0 %')
+    assert seen[1].endswith("w &lt; 1")
+    assert seen[2].startswith('<progress value="2" max="2"></progress> 100.0 %')
+    assert len(seen) == 3

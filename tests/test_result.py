@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from html import escape
 
 import numpy as np
 import pytest
@@ -77,3 +78,9 @@ def test_what_is_no_file_of_a_result_is_told(tmp_path, content, told):
 def test_arrays_of_a_result_are_read_only(found):
     with pytest.raises(ValueError, match="read-only"):
         np.asarray(found.states)[0] = 7.0
+
+
+def test_a_notebook_shows_a_result_as_text_with_a_small_picture(found):
+    shown = found._repr_html_()
+    assert shown.startswith(f"<pre>{escape(repr(found))}</pre>")
+    assert '<img alt="" src="data:image/png;base64,iVBOR' in shown

@@ -6,12 +6,12 @@ import _thread
 import gc
 import queue
 import signal
-import sys
 import threading
 import traceback
 from collections.abc import Callable
 from multiprocessing import get_context
 from time import monotonic, sleep
+from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from saltus.errors import SaltusError
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["Companion", "Message"]
 
 _PACE = 0.05  # seconds between two reports of progress, at least
-_PAUSE = 0.005  # seconds between two looks whether an import has ended
+_PAUSE = 0.005  # seconds between two tries to interrupt what may not be interrupted
+# Modules in which an interrupt waits: of a package that is imported, or a function that is compiled, half would stay.
+_WHOLE = ("importlib._bootstrap", "numba", "llvmlite")
 _LAST_WORDS = 2.0  # seconds in which a process that is told to end may end by itself
 
 
@@ -148,7 +150,14 @@ class _Desk:
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.current: int | None = None
+        self.interrupted: int | None = None
         self.left_out: set[int] = set()
+
+    def interrupt(self, signum: int, frame: FrameType | None) -> None:
+        """Raise `KeyboardInterrupt`, unless the thread that works is where an interrupt waits."""
+        if self.current is not None and not _is_whole(frame):
+            self.interrupted = self.current
+            raise KeyboardInterrupt
 
 
 def _serve(pipe: Connection, prepare: Callable[[], object] | None) -> None:
@@ -156,10 +165,10 @@ def _serve(pipe: Connection, prepare: Callable[[], object] | None) -> None:
 
     Ctrl-C on the terminal stays blocked here, as the process was started so; `interrupt_main` is not a signal.
     """
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    desk = _Desk()
+    signal.signal(signal.SIGINT, desk.interrupt)
     threading.Thread(target=leave_with_parent, daemon=True).start()
     pieces: queue.Queue[Any] = queue.Queue()
-    desk = _Desk()
     threading.Thread(target=_listen, args=(pipe, pieces, desk), daemon=True).start()
     if prepare is not None:
         with uncollected():
@@ -186,20 +195,27 @@ def _listen(pipe: Connection, pieces: queue.Queue[Any], desk: _Desk) -> None:
         if function is not None:
             pieces.put((key, function, arguments))
             continue
-        while _is_importing():
-            sleep(_PAUSE)
         with desk.lock:
-            if desk.current == key:
-                _thread.interrupt_main()
-            else:
+            if desk.current != key:
                 desk.left_out.add(key)
+                continue
+        threading.Thread(target=_interrupt, args=(desk, key), daemon=True).start()
 
 
-def _is_importing() -> bool:
-    """Return whether the thread that works imports a module: interrupted there, half of a package would stay."""
-    frame = sys._current_frames().get(threading.main_thread().ident or 0)
+def _interrupt(desk: _Desk, key: int) -> None:
+    """Interrupt a piece of work as soon as this may be; once it was heard, the piece may use it to end well."""
+    while True:
+        with desk.lock:
+            if desk.current != key or desk.interrupted == key:
+                return
+            _thread.interrupt_main()
+        sleep(_PAUSE)
+
+
+def _is_whole(frame: FrameType | None) -> bool:
+    """Return whether a module is imported, or a function compiled, by the code at a frame."""
     while frame is not None:
-        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+        if str(frame.f_globals.get("__name__")).startswith(_WHOLE):
             return True
         frame = frame.f_back
     return False

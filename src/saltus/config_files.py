@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
-from saltus.errors import InputError, nearest
+from saltus.errors import InputError, SaltusError, nearest
 
 __all__ = ["attribute_of", "called", "read_toml"]
 
@@ -54,7 +55,7 @@ def attribute_of(reference: str, folder: Path, key: str) -> Any:
     Raises
     ------
     InputError
-        There is no such module or attribute.
+        There is no such module or attribute, or its code has a mistake: the message has its file and line.
 
     Examples
     --------
@@ -64,8 +65,14 @@ def attribute_of(reference: str, folder: Path, key: str) -> Any:
     module, _, name = reference.partition(":")
     with _importable(folder):
         try:
-            found: Any = import_module(module)
-        except (ImportError, ValueError) as error:
+            found: Any = importlib.import_module(module)
+        except (Exception, SystemExit) as error:
+            if place := _place_of(error):
+                kind = "" if isinstance(error, SaltusError) else f"{type(error).__name__}: "
+                told = f"{place}: {kind}{error.msg if isinstance(error, SyntaxError) else error}"
+                raise InputError(key, reference, "code that runs without an error", told) from error
+            if not isinstance(error, ImportError | ValueError):
+                raise
             raise InputError(key, reference, "a module that can be imported, and its attribute", str(error)) from None
     for part in name.split("."):
         if not hasattr(found, part):
@@ -73,6 +80,24 @@ def attribute_of(reference: str, folder: Path, key: str) -> Any:
             raise InputError(key, reference, f"an attribute of {module}", hint)
         found = getattr(found, part)
     return found
+
+
+def _place_of(error: BaseException) -> str:
+    """Return file and line of a mistake in a module that was imported; empty where the module was not found."""
+    if isinstance(error, SyntaxError) and error.filename is not None:
+        return f"{_shortest(error.filename)}, line {error.lineno}"
+    skipped = (__file__, importlib.__file__)
+    frames = [f for f in extract_tb(error.__traceback__) if f.filename not in skipped and f.filename[0] != "<"]
+    home = Path(frames[0].filename).parent if frames else Path()
+    own = [frame for frame in frames if Path(frame.filename).is_relative_to(home)]
+    mine = [frame for frame in own if not {"site-packages", __package__} & {*Path(frame.filename).parts}]
+    return f"{_shortest(mine[-1].filename)}, line {mine[-1].lineno}" if mine else ""
+
+
+def _shortest(file: str) -> str:
+    """Return the name of a file, relative to this folder if it is below it."""
+    path = Path(file)
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
+from saltus.progress import in_notebook
 
 if TYPE_CHECKING:
     from saltus.system import HybridSystem
@@ -57,12 +58,12 @@ def explore(
     saltus.errors.InputError: system = 'str': must be a HybridSystem; a Map has `diagram` and `plot`
     """
     from saltus.afm.explorer_models import TAPPING
-    from saltus.explorer.opening import frame_in_notebook, is_notebook, open_explorer
+    from saltus.explorer.opening import frame_in_notebook, open_explorer
     from saltus.explorer.subjects import of_system
 
     subject = None if system is None else of_system(system)
     file = None if load is None else checks.path("load", load)
-    if is_notebook():
+    if in_notebook():
         return frame_in_notebook(TAPPING, subject, file, port)
     open_explorer(TAPPING, subject, file, port=port, browser=browser, told=_tell)
     return None

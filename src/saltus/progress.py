@@ -6,14 +6,16 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
+from html import escape
 from time import monotonic
 from types import TracebackType
-from typing import Self, TypeAlias
+from typing import Any, Self, TypeAlias
 
 from saltus.errors import InputError
 
-__all__ = ["Progress", "Report", "Reporter", "duration_text", "ended", "shown"]
+__all__ = ["Progress", "Report", "Reporter", "duration_text", "ended", "in_notebook", "shown"]
 
+_PACE = 0.1  # seconds between two changes of a bar in a notebook, at least
 _SHORTEST = 1e-9  # seconds that a computation takes at the least, as a divisor
 
 
@@ -31,6 +33,8 @@ class Progress:
         How many were done in a second, on average.
     text : str
         What was done last, in words.
+    last : object
+        What was done last; of a branch of orbits a function without arguments that returns its last orbit.
 
     Examples
     --------
@@ -42,6 +46,7 @@ class Progress:
     total: int | None
     rate: float
     text: str = ""
+    last: Any = None
 
     @property
     def left(self) -> float | None:
@@ -104,14 +109,14 @@ class Reporter(AbstractContextManager["Reporter"]):
         self.done += done
         self._before += done
 
-    def step(self, count: int = 1, text: str = "") -> None:
+    def step(self, count: int = 1, text: str = "", last: Any = None) -> None:
         """Tell that so many more are done; where they are more than were expected, all are."""
         self.done += count
         if self.total is not None:
             self.total = max(self.total, self.done)
         if self.report is not None:
             rate = (self.done - self._before) / max(monotonic() - self._started, _SHORTEST)
-            self.report(Progress(self.done, self.total, rate, text))
+            self.report(Progress(self.done, self.total, rate, text, last))
 
     def finish(self) -> None:
         """Tell that all is done, whatever was expected."""
@@ -143,7 +148,7 @@ def ended(done: int, total: int, what: str, *, interrupted: bool = False) -> str
 
 @contextmanager
 def shown(first: str = "starting") -> Iterator[Report]:
-    """Show a bar on stderr while a computation reports to the function that this context gives.
+    """Show a bar on stderr, or below a notebook's cell, while a computation reports to what this context gives.
 
     Parameters
     ----------
@@ -155,6 +160,9 @@ def shown(first: str = "starting") -> Iterator[Report]:
     >>> with shown("searching") as report:
     ...     report(Progress(3, 4, 1.0, "w = 0.93"))
     """
+    if in_notebook():
+        yield _shown_below_cell(first)
+        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress as Bar, TextColumn
 
@@ -166,6 +174,29 @@ def shown(first: str = "starting") -> Iterator[Report]:
             bar.update(task, completed=progress.done, total=progress.total, description=_line(progress))
 
         yield show
+
+
+def in_notebook() -> bool:
+    """Return whether this runs in the kernel of a notebook."""
+    shell = sys.modules.get("IPython")
+    return shell is not None and "IPKernelApp" in getattr(shell.get_ipython(), "config", {})
+
+
+def _shown_below_cell(first: str) -> Report:
+    """Show a bar below a notebook's cell, which needs no widgets, and return what moves it."""
+    from IPython.display import HTML, display
+
+    handle, last = display(HTML(escape(first)), display_id=True), -_PACE
+
+    def show(progress: Progress) -> None:
+        nonlocal last
+        if monotonic() - last < _PACE and progress.done != progress.total:
+            return
+        last = monotonic()
+        share = f'value="{progress.done}" max="{progress.total}"' if progress.total else ""
+        handle.update(HTML(f"<progress {share}></progress> {escape(_line(progress))}"))
+
+    return show
 
 
 def _line(progress: Progress) -> str:

@@ -11,6 +11,7 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from html import escape
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -204,6 +205,11 @@ class Result(ABC):
 
         return plot(self, *args, **options)
 
+    def _repr_html_(self) -> str:
+        from saltus.plotting import picture_in_html
+
+        return f"<pre>{escape(repr(self))}</pre>{picture_in_html(self)}"
+
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self).from_xarray, (self.to_xarray(),)
 
@@ -273,9 +279,14 @@ def load(path: str | os.PathLike[str]) -> Result:
         return _opened(path)
     with reading(path), xr.open_dataset(path, **READ) as dataset:
         dataset.load()
+    if SESSION in dataset.attrs:
+        hint = f"this is a session of the explorer: saltus explore --load {path} opens it"
+        raise InputError("path", str(path), "the file of one result", hint)
     found: Result = result_in(dataset, path)
     return found
 
+
+SESSION = "saltus_session"  # attribute of a file that has a whole session of the explorer
 
 # How xarray opens a file; no number in it stands for a time of day.
 READ: Mapping[str, Any] = MappingProxyType({"engine": "h5netcdf", "decode_times": False})

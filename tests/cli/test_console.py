@@ -316,3 +316,37 @@ def test_the_module_is_the_command():
     done = subprocess.run([sys.executable, "-m", "saltus", "--help"], capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert done.stdout.startswith("Usage: saltus ")
+
+
+@pytest.mark.parametrize(
+    ("args", "told"),
+    [
+        (("animate", "--modes", "x"), "Invalid value for '--modes'"),
+        (("explore", "--prot", "3"), "No such option: --prot"),
+        (("explore", "--port", "99999999"), "Invalid value for '--port'"),
+        (("explroe",), "No such command 'explroe'"),
+    ],
+)
+def test_an_error_of_arguments_is_one_line_as_all_others(capsys, args, told):
+    code, out, err = run_command(capsys, *args)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith(f"saltus: {told}")
+    assert "--help tells what is allowed" in err
+
+
+@pytest.mark.parametrize(
+    ("shell", "surroundings"),
+    [
+        ("bash", {"COMP_WORDS": "saltus explore lever-p-n", "COMP_CWORD": "2"}),
+        ("zsh", {"_TYPER_COMPLETE_ARGS": "saltus explore lever-p-n"}),
+        ("fish", {"_TYPER_COMPLETE_ARGS": "saltus explore lever-p-n", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}),
+    ],
+)
+def test_shells_complete_commands_and_models(capsys, monkeypatch, shell, surroundings):
+    monkeypatch.setenv("_SALTUS_COMPLETE", f"complete_{shell}")
+    for name, value in surroundings.items():
+        monkeypatch.setenv(name, value)
+    code, out, _ = run_command(capsys)
+    assert code == 0
+    assert "lever-p-neck" in out
+    assert "lever-s" not in out

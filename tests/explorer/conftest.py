@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import shutil
+import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 
 import pytest
 
 import saltus
+from saltus.afm.explorer_models import TAPPING
 from saltus.explorer.application import Application
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Continue, FindEquilibrium, FindOrbit, Follow, Move, Place, Sweep, Switch
 from saltus.explorer.subjects import Subject, of_system
+from screen import Screen, browser, served
 from systems import ball_on_table as table
 
 
@@ -114,3 +118,63 @@ def still(tmp_path, rests) -> Session:
 def empty(tmp_path, ball_on_table) -> Session:
     """Return a session of the ball without a result."""
     return Session(of_system(ball_on_table), new_folder(tmp_path))
+
+
+@pytest.fixture(scope="session")
+def home(tmp_path_factory) -> Path:
+    """Return the folder of the server that all tests in a browser share."""
+    return tmp_path_factory.mktemp("home")
+
+
+@pytest.fixture(scope="session")
+def server(home):
+    """Serve pages for all tests in a browser: the address and the process."""
+    with served(home) as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def address(server) -> str:
+    """Return the address of the server that all tests in a browser share."""
+    return server[0]
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Start the browser that all tests share."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        started = play.chromium.launch(executable_path=browser(), args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="session")
+def kept(home) -> Session:
+    """Return the session of Fig. 3: an orbit and its branch."""
+    session = Session(TAPPING.subject("tapping-mode-1"), new_folder(home / "saltus" / "explorer"))
+    session.settings.axes = ("Omega", "min_z")
+    orbit = FindOrbit(parameters={"Omega": 1.05}, x0=(-0.67, 0.75))
+    session.write(session.add(orbit, orbit.run(session.system, {}, False)))
+    branch = Continue(place=Place(of="orbit1"), parameter="Omega", bounds=(0.8, 1.4))
+    session.write(session.add(branch, branch.run(session.system, session.results, False)))
+    return session
+
+
+@pytest.fixture
+def window(chromium):
+    """Return a window of a desk."""
+    context = chromium.new_context(viewport={"width": 1500, "height": 900})
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def screen(window, address, kept) -> Screen:
+    """Return a page that shows a copy of Fig. 3's session."""
+    folder = kept.folder.with_name(f"{time.time_ns() % 16**12:012x}")
+    shutil.copytree(kept.folder, folder)
+    shown = Screen(window.new_page(), address, f"&session={folder.name}")
+    shown.wait("branch1")
+    return shown

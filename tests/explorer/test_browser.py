@@ -1,16 +1,11 @@
 """The explorer in a real browser: each test in a window of a desk and in one of 1024 pixels."""
 
-import shutil
 import threading
-import time
 from http.server import BaseHTTPRequestHandler, HTTPServer
-from pathlib import Path
 
 import pytest
 
-from saltus.afm.explorer_models import TAPPING
 from saltus.explorer.session import Session, new_folder
-from saltus.explorer.steps import Continue, FindOrbit, Place
 from screen import PATIENCE, TOKEN, Screen, browser, served
 from selection import guarding
 
@@ -21,54 +16,11 @@ WINDOWS = {"desk": {"width": 1500, "height": 900}, "small": {"width": 1024, "hei
 desk_alone = pytest.mark.parametrize("window", ["desk"], indirect=True)
 
 
-@pytest.fixture(scope="module")
-def home(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("home")
-
-
-@pytest.fixture(scope="module")
-def address(home):
-    with served(home) as (found, _):
-        yield found
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        started = play.chromium.launch(executable_path=browser(), args=["--no-sandbox"])
-        yield started
-        started.close()
-
-
-@pytest.fixture(scope="module")
-def kept(home) -> Session:
-    """Return the session of Fig. 3: an orbit and its branch."""
-    session = Session(TAPPING.subject("tapping-mode-1"), new_folder(home / "saltus" / "explorer"))
-    session.settings.axes = ("Omega", "min_z")
-    orbit = FindOrbit(parameters={"Omega": 1.05}, x0=(-0.67, 0.75))
-    session.write(session.add(orbit, orbit.run(session.system, {}, False)))
-    branch = Continue(place=Place(of="orbit1"), parameter="Omega", bounds=(0.8, 1.4))
-    session.write(session.add(branch, branch.run(session.system, session.results, False)))
-    return session
-
-
 @pytest.fixture(params=guarding(WINDOWS, "desk", campaign=0))
 def window(request, chromium):
     context = chromium.new_context(viewport=WINDOWS[request.param])
     yield context
     context.close()
-
-
-@pytest.fixture
-def screen(window, address, kept) -> Screen:
-    """Return a page that shows a copy of Fig. 3's session."""
-    folder = kept.folder.with_name(f"{time.time_ns() % 16**12:012x}")
-    shutil.copytree(kept.folder, folder)
-    shown = Screen(window.new_page(), address, f"&session={folder.name}")
-    shown.wait("branch1")
-    return shown
 
 
 def test_a_first_page_finds_an_orbit_and_asks_nothing_from_outside(window, address):

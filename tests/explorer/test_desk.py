@@ -3,9 +3,9 @@
 import pytest
 
 from saltus.companion import Message
-from saltus.errors import SaltusError
+from saltus.errors import InputError, SaltusError
 from saltus.explorer import desk as desks
-from saltus.explorer.desk import Desk, Listener
+from saltus.explorer.desk import Desk, Listener, Work
 from saltus.explorer.session import Session
 from saltus.explorer.tasks import Outcome, take, warm
 from saltus.progress import Progress
@@ -46,26 +46,31 @@ class Ear(Listener):
         self.entries: list[str] = []
         self.work: list[tuple] = []
         self.lines: list[tuple[str, bool]] = []
-        self.gone = False
+        self.films: list = []
+        self.changes = 0
 
     def added(self, entry) -> None:
         self.entries.append(entry.name)
 
-    def progressed(self, what, progress) -> None:
-        self.work.append((what.partition(":")[0], progress))
+    def worked(self, work) -> None:
+        self.work.append((work.what.partition(":")[0], work.progress))
+
+    def filmed(self, path) -> None:
+        self.films.append(path)
+
+    def changed(self) -> None:
+        self.changes += 1
 
     def told(self, line, *, error=False) -> None:
         self.lines.append((line, error))
-
-    def left(self) -> None:
-        self.gone = True
 
 
 @pytest.fixture
 def desk(empty, toys, monkeypatch) -> Desk:
     monkeypatch.setattr(desks, "Companion", Told)
     made = Desk(toys, empty)
-    made.taken_by(Ear())
+    made.listener = Ear()
+    made.join(made.listener)
     return made
 
 
@@ -74,10 +79,11 @@ def test_a_step_is_handed_over_as_plain_data_with_what_it_needs(desk, taken_step
     desk.session.add(steps["orbit1"], results["orbit1"])
     desk.session.add(steps["sweep1"], results["sweep1"])
     desk.run(steps["branch1"])
-    function, definition, plain, needed = desk._companion.pieces[1]
+    function, definition, plain, needed, axes = desk._companion.pieces[1]
     assert (function, definition) == (take, desk.session.subject.definition)
     assert plain == steps["branch1"].model_dump()
     assert needed == {"orbit1": results["orbit1"]}
+    assert axes == desk.session.settings.axes
     assert desk.busy
     assert desk.listener.work == [("branch", None)]
 
@@ -140,6 +146,7 @@ def test_work_is_stopped_from_behind_so_that_nothing_begins_meanwhile(desk, take
 
 def test_a_process_that_is_ended_begins_anew(desk, taken_steps):
     desk.run(taken_steps[0]["orbit1"])
+    desk.stop()
     desk.kill()
     assert (desk.busy, desk._companion.ended, desk._companion.started) == (False, 1, 1)
     assert desk.listener.lines == [("the work was ended", False)]
@@ -156,22 +163,102 @@ def test_a_wish_comes_before_loading_ahead(desk, taken_steps):
 
 
 def test_the_application_films(desk, results, toys):
-    filmed = []
-    desk.film(results["orbit1"], filmed.append)
+    desk.film(results["orbit1"])
     function, orbit, path = desk._companion.pieces[1]
     assert function is toys.film
     desk._companion.said = [Message(1, "result", function(orbit, path, progress=False))]
     desk.listen()
-    assert filmed == [desk.session.folder / "film.gif"]
-    assert filmed[0].read_text() == "6.283185"
+    assert desk.listener.films == [desk.session.folder / "film.gif"]
+    assert desk.listener.films[0].read_text() == "6.283185"
     assert desk.session.entries == []
 
 
-def test_a_page_that_is_left_hears_so(desk):
-    before = desk.listener
-    desk.taken_by(Ear())
-    assert before.gone
-    assert not desk.listener.gone
+def test_what_was_found_of_a_branch_is_shown_on_the_axes_that_are_still_there(desk, taken_steps):
+    desk.session.settings.axes = ("a", "max_z")
+    desk.run(taken_steps[0]["branch1"])
+    desk._companion.said = [Message(1, "progress", Progress(k, None, 1.0, "", (0.1 * k, 1.0))) for k in (1, 2)]
+    desk.listen()
+    assert desk.work.trail == ((0.1, 1.0), (0.2, 1.0))
+    desk.session.settings.axes = ("a", "min_z")
+    assert desk.work.trail == ()
+
+
+def test_where_no_attractor_is_periodic_the_motion_is_shown(desk, taken_steps):
+    desk.run(taken_steps[0]["orbit1"])
+    desk._companion.said = [Message(1, "error", "periodic attractor: no convergence; the motion is chaotic")]
+    desk.listen()
+    assert desk.listener.lines == [("periodic attractor: no convergence; the motion is chaotic", True)]
+    assert desk.work.what.startswith("motion: saltus.simulate(system, {'a': 1.2}, [0.6, 3.1, 0.5], periods=200)")
+
+
+def test_all_pages_hear_the_same_each_under_its_own_lock(desk, taken_steps):
+    steps, results = taken_steps
+    posted, other = [], Ear()
+    desk.join(other, posted.append)
+    desk.run(steps["orbit1"])
+    desk._companion.said = [Message(1, "result", Outcome(results["orbit1"], 0.5, ()))]
+    desk.listen()
+    assert desk.listener.entries == ["orbit1"]
+    assert other.entries == other.work == []
+    for work in posted:
+        work()
+    assert (other.entries, other.work) == (desk.listener.entries, desk.listener.work)
+
+
+def test_a_change_is_told_to_all_pages_but_the_one_that_made_it(desk):
+    other = Ear()
+    desk.join(other)
+    desk.change(other)
+    assert (desk.listener.changes, other.changes) == (1, 0)
+
+
+def test_a_desk_is_left_when_its_last_page_is_gone(desk):
+    other = Ear()
+    desk.join(other)
+    desk.leave(desk.listener)
+    assert not desk.left
+    desk.leave(other)
+    assert desk.left
+    desk.join(other)
+    assert not desk.left
+
+
+def test_a_page_that_comes_later_sees_how_the_work_stands(desk, taken_steps):
+    steps, _ = taken_steps
+    assert desk.work == Work()
+    desk.run(steps["branch1"])
+    desk.run(steps["sweep1"])
+    progress = Progress(3, 10, 1.0, "points")
+    desk._companion.said = [Message(1, "progress", progress)]
+    desk.listen()
+    branch, sweep = (f"{name}: {steps[f'{name}1'].text()}" for name in ("branch", "sweep"))
+    assert desk.work == Work(branch, progress, (sweep,), stopping=False)
+    desk.stop()
+    assert desk.work.stopping
+
+
+def test_what_was_asked_for_after_a_stop_outlives_the_process(desk, taken_steps):
+    steps, results = taken_steps
+    desk.run(steps["orbit1"])
+    desk.stop()
+    desk.run(steps["sweep1"])
+    desk.kill()
+    assert desk.work.what.startswith("sweep: ")
+    assert not desk.work.stopping
+    desk._companion.said = [Message(3, "result", Outcome(results["sweep1"], 0.5, ()))]
+    desk.listen()
+    assert desk.listener.entries == ["sweep1"]
+
+
+def test_a_result_with_which_work_is_under_way_is_not_undone(desk, taken_steps):
+    steps, results = taken_steps
+    desk.session.add(steps["orbit1"], results["orbit1"])
+    desk.run(steps["branch1"])
+    with pytest.raises(InputError, match="stop the branch first"):
+        desk.undo()
+    desk._companion.said = [Message(1, "stopped", None)]
+    desk.listen()
+    assert desk.undo().name == "orbit1"
 
 
 def test_a_system_without_processes_is_told(desk, taken_steps, monkeypatch):

@@ -9,7 +9,8 @@ import pytest
 import saltus
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import opening
-from saltus.explorer.opening import is_notebook, open_explorer
+from saltus.explorer.opening import open_explorer
+from saltus.progress import in_notebook
 from screen import asked
 
 
@@ -39,7 +40,7 @@ def test_a_page_is_served_with_what_was_left_unfinished(toys, session, tmp_path,
         served.update(given, office=office, address=address)
 
     monkeypatch.setattr("saltus.explorer.server.serve", serve)
-    monkeypatch.setattr("saltus.explorer.server.home_folder", lambda: session.folder.parent)
+    monkeypatch.setattr("saltus.explorer.office.home_folder", lambda: session.folder.parent)
     for entry in session.entries[:1]:
         session.write(entry)
     open_explorer(toys, session.subject, token="a-token-of-tests", browser=False)
@@ -51,13 +52,13 @@ def test_a_page_is_served_with_what_was_left_unfinished(toys, session, tmp_path,
 
 def test_a_script_is_no_notebook(monkeypatch):
     monkeypatch.delitem(sys.modules, "IPython", raising=False)
-    assert not is_notebook()
+    assert not in_notebook()
     for config, found in (({}, False), ({"IPKernelApp": {}}, True)):
         shell = SimpleNamespace(config=config)
         monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda shell=shell: shell))
-        assert is_notebook() is found
+        assert in_notebook() is found
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
-    assert not is_notebook()
+    assert not in_notebook()
 
 
 @pytest.mark.campaign

@@ -3,9 +3,9 @@
 import pytest
 
 from saltus.errors import SaltusError
-from saltus.explorer.desk import Desk
+from saltus.explorer.desk import Desk, Work
 from saltus.explorer.page import Page
-from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Move, Place
+from saltus.explorer.steps import FindEquilibrium, FindOrbit, Move, Place
 from saltus.progress import Progress
 
 pytestmark = pytest.mark.usefixtures("heard")
@@ -19,6 +19,15 @@ class Paper(Desk):
         self.wanted: list[tuple] = []
         self.filmed: list = []
         self.stops = self.kills = 0
+        self.standing = Work()
+
+    @property
+    def busy(self) -> bool:
+        return bool(self.standing.what)
+
+    @property
+    def work(self) -> Work:
+        return self.standing
 
     def start(self) -> None:
         """Start nothing."""
@@ -26,8 +35,8 @@ class Paper(Desk):
     def run(self, step, done=None, replaces="") -> None:
         self.wanted.append((step, done, replaces))
 
-    def film(self, orbit, done) -> None:
-        self.filmed.append((orbit, done))
+    def film(self, orbit) -> None:
+        self.filmed.append(orbit)
 
     def stop(self) -> None:
         self.stops += 1
@@ -123,26 +132,6 @@ def test_a_sweep_observes_what_the_diagram_shows(page):
     assert seen == {"max_z": ("max(z)",), "z": (), "e": (), "period": (), "mean(z)": ("mean(z)",)}
 
 
-def test_basins_are_mapped_after_a_search_coarsely_then_finely(page, session):
-    page._map({"z": (0.0, 2.0), "v": (-1.0, 4.0)}, {}, (50, 200))
-    ((search, found, _),) = page.desk.wanted
-    assert isinstance(search, Attract)
-    assert search.parameters == {"a": 1.2}  # that of the selected orbit, as far as it is not the system's
-    assert search.region == {"z": (0.0, 2.0), "v": (-1.0, 4.0)}
-    found(session.add(search, session.results["orbit1"]))
-    coarse, then, replaces = page.desk.wanted[-1]
-    assert (coarse.grid, coarse.attractors, replaces) == (
-        {"z": (0.0, 2.0, 50), "v": (-1.0, 4.0, 50)}, "attractors1", "",
-    )  # fmt: skip
-    then(session.add(coarse, session.results["orbit1"]))
-    fine, last, replaces = page.desk.wanted[-1]
-    assert (fine.grid["z"], replaces) == ((0.0, 2.0, 200), "basins1")
-    last(session.entry("basins1"))
-    assert len(page.desk.wanted) == 3
-    page._map({"z": (0.0, 2.0), "v": (-1.0, 4.0)}, {}, (50, 200))
-    assert isinstance(page.desk.wanted[-1][0], Basin)  # attractors of this region are known
-
-
 def test_a_plane_needs_two_states(page):
     page._map({"z": (0.0, 2.0)}, {"v": 1.0}, (50, 200))
     assert "two different states" in page._message.object
@@ -151,11 +140,11 @@ def test_a_plane_needs_two_states(page):
 
 def test_a_click_on_a_cell_runs_its_motion_in_place_of_the_last(page, session):
     page._follow_cell([0.5, 3.0])
-    step, shown, replaces = page.desk.wanted[-1]
+    step, _, replaces = page.desk.wanted[-1]
     assert step == Move(x0=(0.5, 3.0), periods=60)
     assert replaces == "motion1"
     page.orbit.tabs.active = 1
-    shown(session.entry("motion1"))
+    page.added(session.entry("motion1"))
     assert (page.orbit.tabs.active, session.settings.selected) == (0, Place(of="motion1"))
 
 
@@ -168,31 +157,57 @@ def test_a_motion_without_a_drive_runs_for_some_time(still, toys):
 
 def test_a_film_has_a_tab_of_its_own(page, session, tmp_path):
     page._film_wanted()
-    ((orbit, filmed),) = page.desk.filmed
+    (orbit,) = page.desk.filmed
     assert orbit is session.results["orbit1"]
     path = tmp_path / "film.gif"
     path.write_bytes(b"GIF89a")
     for _ in range(2):
-        filmed(path)
+        page.filmed(path)
     assert page.orbit.tabs._names.count("Film") == 1
     assert page.orbit.tabs[page.orbit.tabs.active] is page._film
 
 
 def test_work_is_stopped_and_at_a_second_click_ended(page):
-    page.progressed("branch: saltus.continue_orbit(...)", Progress(3, 10, 1.0, "points"))
+    standing = Work("branch: saltus.continue_orbit(...)", Progress(3, 10, 1.0, "points"))
+    page.desk.standing = standing
+    page.worked(standing)
     assert page._stop.visible
-    assert (page._bar.value, page._work.object) == (30, "branch 3 of 10 points")
+    assert (page._bar.value, page._work.object) == (30, "branch 3 of 10 points, 7 s left")
     page._stop.clicks += 1
-    assert (page._stop.name, page.desk.stops, page.desk.kills) == ("End now", 1, 0)
+    assert (page.desk.stops, page.desk.kills) == (1, 0)
+    page.desk.standing = standing._replace(stopping=True)
+    page.worked(page.desk.work)
+    assert page._stop.name == "End now"
     page._stop.clicks += 1
-    assert page.desk.kills == 1
-    page.progressed("", None)
+    assert (page.desk.stops, page.desk.kills) == (1, 1)
+    page.worked(Work("sweep: saltus.run_sweep(...)"))
+    assert (page._stop.name, page._stop.visible) == ("Stop", True)
+    page.worked(Work())
     assert (page._stop.name, page._stop.visible, page._work.object) == ("Stop", False, "")
 
 
-def test_progress_without_an_end_is_told_without_a_share(page):
-    page.progressed("orbit: x", Progress(7, None, 1.0))
-    assert (page._bar.value, page._work.object.strip()) == (-1, "orbit 7")
+def test_a_page_that_comes_while_work_goes_on_shows_it(session, toys):
+    desk = Paper(toys, session)
+    desk.standing = Work("branch: saltus.continue_orbit(...)", Progress(7, None, 1.0))
+    page = Page(desk, None)
+    assert page._stop.visible
+    assert (page._bar.value, page._work.object) == (-1, "branch 7")
+    page.begin()
+    assert desk.wanted == []
+
+
+@pytest.mark.campaign
+def test_two_pages_of_a_session_show_the_same(session, toys):
+    desk = Paper(toys, session)
+    first, second = Page(desk, None), Page(desk, None)
+    first.diagram._axes[1].value = "max_z"
+    assert second.diagram.axes == first.diagram.axes == ("g", "max_z")
+    second.parameters._fields["a"]._number.value = 1.3
+    assert first.parameters._fields["a"].value == first.parameters._fields["a"]._number.value == 1.3
+    first.select(Place(of="branch1", label="SN1"))
+    assert second.actions._text.object == first.actions._text.object != ""
+    second._undo()
+    assert len(first.list.panel) == len(second.list.panel) == len(session.entries) == 4
 
 
 def test_errors_are_written_as_text(page):
@@ -200,8 +215,6 @@ def test_errors_are_written_as_text(page):
     assert (page._message.object, page._message.css_classes) == ("&lt;script&gt;", ["message", "error"])
     page.told("well")
     assert page._message.css_classes == ["message"]
-    page.left()
-    assert "another page" in page._message.object
 
 
 @pytest.mark.campaign

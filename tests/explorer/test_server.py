@@ -3,13 +3,11 @@
 import socket
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 
-from saltus.errors import InputError, SaltusError
-from saltus.explorer.server import Address, Office, free_port
-from saltus.explorer.subjects import of_system
+from saltus.errors import InputError
+from saltus.explorer.server import Address, free_port
 from screen import TOKEN, asked, served
 
 
@@ -67,23 +65,6 @@ def test_a_port_that_is_taken_is_told_and_another_found():
     assert free_port("127.0.0.1", None) > 0
 
 
-def test_a_session_without_results_leaves_nothing_behind(toys, tmp_path, ball_on_table):
-    office = Office(toys, of_system(ball_on_table), tmp_path)
-    office.desk("../../etc", None)
-    office.desk("0123456789ab", None)
-    assert len([*tmp_path.iterdir()]) == 2
-    office.close()
-    assert not [*tmp_path.iterdir()]
-
-
-@pytest.mark.campaign
-def test_an_upload_that_is_no_session_leaves_nothing_behind(toys, tmp_path, ball_on_table):
-    office = Office(toys, of_system(ball_on_table), tmp_path)
-    with pytest.raises(SaltusError):
-        office.uploaded(b"no session")
-    assert not [*tmp_path.iterdir()]
-
-
 @pytest.mark.campaign
 @pytest.mark.parametrize(
     ("arguments", "line"),
@@ -100,57 +81,3 @@ def test_errors_of_the_command_are_one_line(arguments, line, tmp_path):
     assert done.returncode == 2
     assert line in done.stderr
     assert done.stderr.count("\n") == 1
-
-
-@pytest.fixture
-def office(toys, tmp_path) -> Office:
-    return Office(toys, None, tmp_path)
-
-
-def test_a_choice_among_models_begins_with_the_first(office, toys):
-    assert office.desk(None).session.subject.key == next(iter(toys.titles))
-    assert office.desk(None, "bench").session.subject.key == "bench"
-    assert office.desk(None).application is toys
-    with pytest.raises(InputError, match="did you mean 'bench'"):
-        office.desk(None, "benhc")
-
-
-def test_a_desk_is_kept_while_its_page_is_open(office, tmp_path):
-    desk = office.desk(None)
-    name = desk.session.folder.name
-    assert office.desk(name) is desk
-    office.leave(SimpleNamespace(desk=desk))  # another page than the one that listens
-    assert office.desk(name) is desk
-    page = SimpleNamespace(desk=desk, left=lambda: None)
-    desk.taken_by(page)
-    office.leave(page)
-    assert not (tmp_path / name).exists()
-
-
-@pytest.mark.campaign
-def test_a_session_that_was_not_closed_is_gone_on_with(office, toys, tmp_path, taken_steps):
-    steps, results = taken_steps
-    session = office.desk(None).session
-    assert Office(toys, None, tmp_path).unfinished() is None  # it has no results
-    session.write(session.add(steps["orbit1"], results["orbit1"]))
-    assert office.unfinished() is None  # its page is open
-    assert Office(toys, None, tmp_path).unfinished() == session.folder.name
-    assert Office(toys, toys.subject("bench"), tmp_path).unfinished() is None  # of another system
-    office.close()
-    assert Office(toys, None, tmp_path).unfinished() is None  # it was closed on purpose
-
-
-@pytest.mark.campaign
-def test_an_upload_is_a_session_of_its_own(office, session, tmp_path):
-    content = session.packed(tmp_path / "session.nc").read_bytes()
-    first, second = office.uploaded(content), office.uploaded(content)
-    assert first != second
-    assert office.desk(first).session.results == session.results
-    assert not [*tmp_path.rglob("upload.nc")]
-
-
-@pytest.mark.campaign
-def test_an_upload_has_a_largest_size(office, monkeypatch):
-    monkeypatch.setattr("saltus.explorer.server._UPLOAD", 10)
-    with pytest.raises(InputError, match="file = '11 bytes': must be one of at most 10 bytes"):
-        office.uploaded(b"x" * 11)

@@ -152,3 +152,9 @@ def test_reasons_of_an_end_are_told_once(results):
     assert told_end(Both()) == "it returned"
     assert told_end(results["branch1"]) == results["branch1"].stopped[0] == results["branch1"].stopped[1]
     assert told_end(results["orbit1"]) == ""
+
+
+def test_the_file_of_a_session_is_no_result_and_says_so(session, tmp_path):
+    file = session.packed(tmp_path / "session.nc")
+    with pytest.raises(InputError, match="this is a session of the explorer: saltus explore --load"):
+        saltus.load(file)

@@ -12,7 +12,7 @@ from saltus.explorer.subjects import definition_of
 
 def test_a_step_of_plain_data_gives_the_result_of_its_call(taken_steps, ball_on_table):
     steps, results = taken_steps
-    found = tasks.take(definition_of(ball_on_table), steps["motion1"].model_dump(), {}, False)
+    found = tasks.take(definition_of(ball_on_table), steps["motion1"].model_dump(), {}, (), bool)
     assert found.result == results["motion1"]
     assert found.seconds > 0.0
     assert found.notes == ()
@@ -29,15 +29,27 @@ def test_warnings_are_notes_each_once(taken_steps, ball_on_table, monkeypatch):
     monkeypatch.setattr(FindOrbit, "run", run)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
-        found = tasks.take(definition_of(ball_on_table), taken_steps[0]["orbit1"].model_dump(), {}, False)
+        found = tasks.take(definition_of(ball_on_table), taken_steps[0]["orbit1"].model_dump(), {}, (), bool)
     assert found.notes == ("slow",)
 
 
 def test_what_is_no_step_is_refused(ball_on_table):
     with pytest.raises(InputError, match="step = "):
-        tasks.take(definition_of(ball_on_table), {"kind": "erase"}, {}, False)
+        tasks.take(definition_of(ball_on_table), {"kind": "erase"}, {}, (), bool)
 
 
 def test_a_step_whose_result_is_missing_is_refused(taken_steps, ball_on_table):
     with pytest.raises(InputError, match="result = 'orbit1': must be found first"):
-        tasks.take(definition_of(ball_on_table), taken_steps[0]["branch1"].model_dump(), {}, False)
+        tasks.take(definition_of(ball_on_table), taken_steps[0]["branch1"].model_dump(), {}, (), bool)
+
+
+def test_the_last_orbit_is_told_by_its_place_on_the_axes(ball_on_table, taken_steps):
+    steps, results = taken_steps
+    told, plain = [], steps["branch1"].model_dump()
+    outcome = tasks.take(
+        definition_of(ball_on_table), plain, {"orbit1": results["orbit1"]}, ("a", "max_z"), told.append
+    )
+    (a, z), *_ = [progress.last for progress in told if progress.last is not None]
+    values, heights = outcome.result.values, outcome.result.column("max_z")
+    assert [a, z] in [[value, pytest.approx(height)] for value, height in zip(values, heights, strict=True)]
+    assert all(progress.last is None or isinstance(progress.last, tuple) for progress in told)

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -32,13 +32,14 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
+# What arguments raise that cannot be parsed: Click's base of all such errors.
+_Refused: type[Exception] = typer.BadParameter.__mro__[2]
 _TOLD_ELSEWHERE = ("figure", "parameters")  # entries of a figure's content that the table of its numbers leaves out
 
 app = typer.Typer(
     name="saltus",
     help="Dynamics of hybrid systems: periodic orbits, their continuation and bifurcations.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -57,14 +58,26 @@ def main(args: list[str] | None = None) -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal may lack letters that names have
     try:
-        app(args=args, prog_name="saltus")
+        code = app(args=args, prog_name="saltus", standalone_mode=False)
+    except _Refused as error:
+        _refuse(error)
     except SaltusError as error:
         _fail(str(error))
     except OSError as error:
         _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+    raise SystemExit(code or 0)
 
 
-def _fail(text: str) -> None:
+def _refuse(error: Any) -> NoReturn:
+    """Tell in a line why arguments are none; of a command that was given none, its help."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        error.show()
+        raise SystemExit(FAILED)
+    command = error.ctx.command_path if getattr(error, "ctx", None) is not None else "saltus"
+    _fail(f"{error.format_message().rstrip('.')}; {command} --help tells what is allowed")
+
+
+def _fail(text: str) -> NoReturn:
     typer.echo("saltus: " + printable(" ".join(text.split())), err=True)
     raise SystemExit(FAILED)
 
@@ -86,9 +99,23 @@ def _options(
     del version  # its callback has done the work
 
 
+def _figures(incomplete: str) -> list[str]:
+    from saltus.afm.paper.figures import FIGURES
+
+    return [name for name in FIGURES if name.startswith(incomplete)]
+
+
+def _models(incomplete: str) -> list[str]:
+    from saltus.afm.explorer_models import TAPPING
+
+    return [name for name in TAPPING.titles if name.startswith(incomplete)]
+
+
 @app.command(no_args_is_help=True)
 def reproduce(
-    figure: Annotated[str, typer.Argument(help="Name of the figure, or 'list' to see them all.")],
+    figure: Annotated[
+        str, typer.Argument(help="Name of the figure, or 'list' to see them all.", autocompletion=_figures)
+    ],
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for what is computed; made if absent.")
     ] = Path("results"),
@@ -133,7 +160,7 @@ def animate(
     ] = Path("tap.gif"),
     omega: Annotated[float, typer.Option(help="Drive frequency, in units of the first natural frequency.")] = 1.0,
     ybar: Annotated[float, typer.Option(help="Drive amplitude, in units of the gap at rest.")] = 0.108,
-    modes: Annotated[int, typer.Option(help="Modes of the cantilever.")] = 2,
+    modes: Annotated[int, typer.Option(help="Modes of the cantilever, from 1 to 100.")] = 2,
     d_att: Annotated[float, typer.Option("--d-att", help="Damping out of contact.")] = 0.025,
     d_rep: Annotated[float, typer.Option("--d-rep", help="Damping in contact.")] = 4.0,
     orbit: Annotated[str, typer.Option(help="Regime: repulsive (with contact) or attractive (without).")] = "repulsive",
@@ -178,7 +205,9 @@ def explore(
     system: Annotated[
         str | None,
         typer.Argument(
-            metavar="[SYSTEM]", help="FILE.py:NAME, MODULE:NAME, or a model of saltus; by default a choice."
+            metavar="[SYSTEM]",
+            help="FILE.py:NAME, MODULE:NAME, or a model of saltus; by default a choice.",
+            autocompletion=_models,
         ),
     ] = None,
     load: Annotated[

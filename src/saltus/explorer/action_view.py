@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from saltus.system import HybridSystem
 
 __all__ = ["ActionView", "StartView"]
+
+
+_NEAR = 1e-6  # of half a range: so near to its end a branch has ended there
 
 
 class StartView:
@@ -104,16 +108,23 @@ class ActionView:
         self._ends, self._second_ends = _ends(session, self._parameter), _ends(session, self._second)
         self._buttons = {
             "resume": widgets.button("Continue", "continue", kind="primary", tip="follow the branch through it"),
+            "extend": widgets.button("Extend", "extend", tip="follow the branch on from this end"),
             "switch": widgets.button("Switch branch", "switch", tip="follow the other branch that meets here"),
             "cascade": widgets.button("Cascade", "cascade", tip="follow the next four period doublings"),
             "follow": widgets.button("Follow locus", "follow", tip="follow this point over both parameters"),
             "film": widgets.button("Film", "film", tip="film the motion on this orbit"),
         }
-        works = {"resume": self._resume, "switch": self._switch, "cascade": self._cascade, "follow": self._follow}
+        works = {
+            "resume": self._resume,
+            "extend": self._extend,
+            "switch": self._switch,
+            "cascade": self._cascade,
+            "follow": self._follow,
+        }
         for name, work in (works | {"film": film}).items():
             widgets.on_click(self._buttons[name], work)
         self._text = widgets.html("selected", margin=(6, 8, 0, 8))
-        first = [self._buttons[name] for name in ("resume", "switch", "cascade", "film")]
+        first = [self._buttons[name] for name in ("resume", "extend", "switch", "cascade", "film")]
         self._one = widgets.row(self._parameter, *self._ends, *first, wrap=True)
         self._two = widgets.row(self._second, *self._second_ends, self._buttons["follow"], wrap=True)
         self.panel = widgets.column(self._text, self._one, self._two)
@@ -124,7 +135,8 @@ class ActionView:
         choices = self._choices()
         self._text.object = told
         allowed = {
-            "resume": choices.resume, "switch": bool(choices.switch), "cascade": choices.cascade,
+            "resume": choices.resume, "extend": choices.resume and bool(self._outwards()),
+            "switch": bool(choices.switch), "cascade": choices.cascade,
             "follow": choices.follow, "film": choices.film,
         }  # fmt: skip
         for name, button in self._buttons.items():
@@ -143,6 +155,31 @@ class ActionView:
     def _resume(self) -> None:
         what: Any = self._choices().what
         self._run(Continue(place=self._place(), parameter=self._parameter.value, bounds=_between(self._ends), of=what))
+
+    def _outwards(self) -> str:
+        """Return which way the parameter goes beyond the end of a branch that is selected; empty elsewhere."""
+        place = self._place()
+        values: Any = getattr(self._session.results[place.of], "values", ())
+        if place.index is None or len(values) < 2 or place.index not in (0, len(values) - 1):
+            return ""
+        last, before = (values[0], values[1]) if place.index == 0 else (values[-1], values[-2])
+        return "up" if last > before else "down"
+
+    def _extend(self) -> None:
+        """Follow a branch on from its end, by half of the range where this ends there."""
+        what: Any = self._choices().what
+        way: Any = self._outwards()
+        place, name = self._place(), self._along()
+        end = float(self._session.results[place.of].values[place.index])
+        low, high = _between(self._ends)
+        more = 0.5 * (high - low)
+        least, most = self._session.system.parameter_bounds.get(name, (-math.inf, math.inf))
+        if way == "up" and high <= end + _NEAR * more:
+            high = min(end + more, most)
+        if way == "down" and low >= end - _NEAR * more:
+            low = max(end - more, least)
+        bounds = (low, high)
+        self._run(Continue(place=place, parameter=name, bounds=bounds, of=what, directions=way))
 
     def _switch(self) -> None:
         what: Any = self._choices().switch

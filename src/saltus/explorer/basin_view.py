@@ -79,8 +79,9 @@ class BasinView:
 
     def solution_is(self, solution: Any) -> None:
         """Take the orbit or the equilibrium through which the plane goes."""
-        self._solution = solution
-        self._frame()
+        before, self._solution = self._solution, solution
+        if before is None or [*before.x0] != [*solution.x0] or before.parameters != solution.parameters:
+            self._frame()
 
     @property
     def interval(self) -> float | None:

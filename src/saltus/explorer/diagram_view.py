@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ _COLUMNS = {
     "strands": ("xs", "ys", "colour", "dash", "width", "name"),
     "marks": ("x", "y", "label", "told", "of", "meaning", "marker", "colour", "fill"),
     "points": ("x", "y", "of", "index", "told"),
-    **dict.fromkeys(("alone", "dots", "chosen"), ("x", "y")),
+    **dict.fromkeys(("alone", "dots", "chosen", "trail"), ("x", "y")),
 }
 _SEEN = ("marks", "points", "dots")  # what is seen besides curves
 _REACH = 24.0  # pixels from a click within which a solution is selected
@@ -45,13 +45,21 @@ class DiagramView:
         Called with the `Place` that was clicked.
     tell : callable
         Called with an error's line; empty where there is none.
+    changed : callable, optional
+        Called when other axes were chosen; by default the session is kept.
     """
 
-    def __init__(self, session: Session, select: Callable[[Place], None], tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        session: Session,
+        select: Callable[[Place], None],
+        tell: Callable[[str], None],
+        changed: Callable[[], None] | None = None,
+    ) -> None:
         from bokeh.events import Tap
         from bokeh.models import ColumnDataSource
 
-        self._session, self._select, self._tell = session, select, tell
+        self._session, self._select, self._tell, self._changed = session, select, tell, changed or session.keep
         self._sources = {name: ColumnDataSource(columns) for name, columns in _empty().items()}
         self.unseen: dict[str, str] = {}
         self.figure = look.figure_of("diagram", min_height=300)
@@ -74,12 +82,15 @@ class DiagramView:
         from bokeh.models import HoverTool
 
         made, sources = self.figure, self._sources
-        made.scatter("x", "y", source=sources["dots"], size=2.5, color=look.CURVES[1], alpha=0.6, line_color=None)
+        made.scatter(
+            "x", "y", source=sources["dots"], size=2.5, color=look.CURVES[1], alpha=0.6, line_color=None, name="dots"
+        )
         made.scatter("x", "y", source=sources["alone"], size=7, color=look.CURVES[0])
         made.multi_line(
             "xs", "ys", source=sources["strands"], line_color="colour", line_dash="dash", line_width="width",
             name="strands",
         )  # fmt: skip
+        made.scatter("x", "y", source=sources["trail"], size=3, color="#e8820c", name="trail")
         points = made.scatter(
             "x", "y", source=sources["points"], size=9, fill_alpha=0.0, line_alpha=0.0, hover_fill_alpha=0.5,
             hover_fill_color="#e8820c", name="points",
@@ -128,7 +139,7 @@ class DiagramView:
             self._tell(next(iter(self.unseen.values())))
         else:
             self._tell("")
-        self._session.keep()
+        self._changed()
 
     def redraw(self) -> None:
         """Draw all results that are not hidden; `unseen` says why others cannot be drawn on these axes."""
@@ -149,10 +160,21 @@ class DiagramView:
         look.fit(self.figure, x_seen, y_seen)
         self._name_marks(columns["marks"])
         for name, table in columns.items():
-            self._sources[name].data = table
+            if name != "trail":
+                self._sources[name].data = table
         x, y = self._session.settings.axes
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = look.bare_label(x), look.bare_label(y)
         self.mark_chosen()
+
+    def draw_trail(self, places: Sequence[tuple[float, float]]) -> None:
+        """Draw what was found of a branch that is followed."""
+        source = self._sources["trail"]
+        known = len(source.data["x"])
+        if len(places) < known:
+            source.data, known = {"x": [], "y": []}, 0
+        if len(places) > known:
+            x, y = zip(*places[known:], strict=True)
+            source.stream({"x": x, "y": y})
 
     def _name_marks(self, marks: dict[str, list[Any]]) -> None:
         """Write labels beside marks; those of marks that are close share one place."""

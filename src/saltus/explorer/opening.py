@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import sys
 import threading
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from saltus.explorer.application import Application
     from saltus.explorer.subjects import Subject
 
-__all__ = ["frame_in_notebook", "is_notebook", "open_explorer"]
+__all__ = ["frame_in_notebook", "open_explorer"]
 
 _SHORTEST = 12  # characters of a token, at least
 _HEIGHT = 860  # pixels of the page in a notebook
@@ -68,7 +67,8 @@ def open_explorer(
     """
     _check_installed()
     with uncollected():
-        from saltus.explorer.server import LOOPBACK, Address, Office, free_port, home_folder, serve
+        from saltus.explorer.office import Office, home_folder
+        from saltus.explorer.server import LOOPBACK, Address, free_port, serve
 
     if host not in LOOPBACK and not token:
         raise InputError("--host", host, "127.0.0.1, or given with --token", "others could use the page otherwise")
@@ -86,12 +86,6 @@ def _check_installed() -> None:
     missing = [name for name in ("panel", "bokeh") if find_spec(name) is None]
     if missing:
         raise SaltusError(f"the explorer needs {' and '.join(missing)}: pip install 'saltus[app]'")
-
-
-def is_notebook() -> bool:
-    """Return whether this runs in the kernel of a notebook."""
-    shell = sys.modules.get("IPython")
-    return shell is not None and "IPKernelApp" in getattr(shell.get_ipython(), "config", {})
 
 
 def frame_in_notebook(application: Application, subject: Subject | None, file: Path | None, port: int | None) -> Any:
@@ -117,7 +111,7 @@ def frame_in_notebook(application: Application, subject: Subject | None, file: P
         raise SaltusError("the process that serves the page has ended; its last words are on stderr") from None
     if isinstance(told, SaltusError):
         raise told
-    return IFrame(told, width="100%", height=_HEIGHT)
+    return IFrame(told, width="100%", height=_HEIGHT, extras=['allow="clipboard-write"'])
 
 
 def _serve_beside(

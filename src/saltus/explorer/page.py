@@ -12,28 +12,29 @@ from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.action_view import ActionView, StartView
 from saltus.explorer.basin_view import BasinView
-from saltus.explorer.desk import Desk, Listener
+from saltus.explorer.desk import Desk, Listener, Work
 from saltus.explorer.diagram_view import DiagramView
 from saltus.explorer.list_view import ListView
+from saltus.explorer.numerics import with_numerics
+from saltus.explorer.numerics_view import NumericsView
 from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
+from saltus.explorer.plane import Search, map_plane
+from saltus.explorer.session_view import link
 from saltus.explorer.solutions import observable_of, traits_of
-from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
+from saltus.explorer.steps import Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
+from saltus.explorer.work_line import line_of, share_of
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry
-    from saltus.progress import Progress
 
 __all__ = ["Page"]
 
 _STOP = "Stop"  # what the button says before it was pressed
 _END = "End now"  # and after
-_PACE = 40  # milliseconds between two looks at what the companion says
 _PERIODS = 60  # periods of the motion that a click on a cell runs
 _SPANS = 30.0  # periods of the selected orbit, of a system without a phase
-_STARTS = 64  # motions in the search for attractors
-_MOTIONS = 1000  # motions for which trapping regions are made: few, so that the first picture comes soon
 
 
 class Page(Listener):
@@ -49,17 +50,17 @@ class Page(Listener):
 
     def __init__(self, desk: Desk, uploaded: Callable[[bytes], str]) -> None:
         self.desk, self.session = desk, desk.session
-        self._watch: Any = None
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
         self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
         self._stop.visible = False
         widgets.on_click(self._stop, self._stop_clicked)
-        self.diagram = DiagramView(self.session, self.select, self._line)
+        self.diagram = DiagramView(self.session, self.select, self._line, self._settings_changed)
         self.orbit = OrbitView(self.session, self._line, desk.application.readings)
         self.basins = BasinView(self.session, self._map, self._follow_cell)
         self.orbit.tabs.append(("Basins", self.basins.panel))
         self._film = widgets.film()
         self.parameters = ParameterView(self.session, self._settings_changed)
+        self.numerics = NumericsView(self.session, self._settings_changed)
         self.starts = StartView(self.session, self.run, self._observed)
         self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films)
         self.list = ListView(self.session, self._hidden_changed)
@@ -67,11 +68,12 @@ class Page(Listener):
         widgets.on_change(self._file, lambda content: self._open(content, uploaded))
         self.undo = widgets.button("Undo", "undo", tip="drop the last result")
         widgets.on_click(self.undo, self._undo)
-        desk.taken_by(self)
+        desk.join(self, widgets.poster())
         if self.session.settings.selected is None:
             first = next((e for e in self.session.entries if e.step.noun in ("orbit", "equilibrium")), None)
             self.session.settings.selected = None if first is None else Place(of=first.name)
         self._show_all()
+        self.worked(desk.work)
 
     # ---- parts of the page ----
 
@@ -82,6 +84,7 @@ class Page(Listener):
             "controls": widgets.column(
                 self.starts.panel,
                 self.parameters.panel,
+                self.numerics.panel,
                 widgets.html("heading", "<h2>Open a session</h2>", (8, 8, 0, 8)),
                 self._file,
             ),
@@ -122,39 +125,26 @@ class Page(Listener):
     def run(self, step: Step, done: Callable[[Entry], None] | None = None, replaces: str = "") -> None:
         """Take a step in the companion process."""
         self._line("")
+        try:
+            step = with_numerics(step, self.session.settings.numerics, self.session.system)
+        except SaltusError as error:
+            self._line(str(error))
+            return
         self.desk.run(step, done, replaces)
-        self.attend()
 
     def _stop_clicked(self) -> None:
         """Interrupt the work; at a second click end the process that does it."""
-        if self._stop.name == _END:
+        if self.desk.work.stopping:
             self.desk.kill()
-            return
-        self._stop.name = _END
-        self.desk.stop()
-
-    def attend(self) -> None:
-        """Look at what the companion says until all work is done."""
-        import panel as pn
-
-        if self._watch is None and self.desk.busy:
-            self._watch = pn.state.add_periodic_callback(self._look, period=_PACE)
-
-    def _look(self) -> None:
-        self.desk.listen()
-        if not self.desk.busy and self._watch is not None:
-            self._watch.stop()
-            self._watch = None
-            self.desk.write()
-            if len(self.session.entries) == 1:
-                self.desk.warm()
+        else:
+            self.desk.stop()
 
     def _open(self, content: bytes | None, uploaded: Callable[[bytes], str]) -> None:
         if content:
             try:
-                where = escape(uploaded(content))
+                where = uploaded(content)
                 self._line("")
-                self._message.object = f'The session is read: <a href="?session={where}">open it</a>'
+                self._message.object = f"The session is read: {link({'session': where}, 'open it')}"
             except SaltusError as error:
                 self._line(str(error))
 
@@ -163,14 +153,22 @@ class Page(Listener):
         self.session.settings.selected = place
         self.diagram.mark_chosen()
         self._show_selected()
+        self.desk.change(self)
 
     def _undo(self) -> None:
-        if self.session.undo() is not None:
+        try:
+            undone = self.desk.undo()
+        except SaltusError as error:
+            self._line(str(error))
+            return
+        if undone is not None:
             self._show_all()
+            self.desk.change(self)
 
     def _settings_changed(self) -> None:
         self.session.keep()
         self._tell_script()
+        self.desk.change(self)
 
     def _hidden_changed(self) -> None:
         self.diagram.redraw()
@@ -187,31 +185,10 @@ class Page(Listener):
             self._line("a plane needs two different states")
             return
         solution = self._selected()
-        own = self.session.system.parameters
-        given = dict(self.session.changed() if solution is None else solution.parameters)
-        parameters = {name: value for name, value in given.items() if value != own[name]}
-        region = self.basins.region(free)
-        known = next((e for e in self.session.entries if _same_search(e.step, parameters, region)), None)
-
-        def mapped(attractors: Entry, count: int, then: int | None, replaces: str = "") -> None:
-            grid: dict[str, Any] = {name: (*ends, count) for name, ends in free.items()} | dict(frozen)
-            step = Basin(parameters=parameters, grid=grid, attractors=attractors.name)
-
-            def shown(entry: Entry) -> None:
-                if then is not None:
-                    mapped(attractors, then, None, entry.name)
-
-            self.run(step, shown, replaces)
-
-        def found(entry: Entry) -> None:
-            mapped(entry, counts[0], counts[1])
-
-        if known is not None:
-            found(known)
-            return
-        interval = self.basins.interval
-        step = Attract(parameters=parameters, region=region, starts=_STARTS, motions=_MOTIONS, interval=interval)
-        self.run(step, found)
+        given = self.session.changed() if solution is None else dict(solution.parameters)
+        search = Search(given, self.basins.region(free), self.basins.interval)
+        self._line("")
+        map_plane(self.desk, search, free, frozen, counts)
 
     def _follow_cell(self, x0: list[float]) -> None:
         """Run the motion from a start, for some periods."""
@@ -223,56 +200,50 @@ class Page(Listener):
             parameters=parameters, x0=tuple(x0), periods=_PERIODS if forced else None, t_end=None if forced else span
         )
         before = [entry.name for entry in self.session.entries if entry.step.noun == "motion"]
-
-        def shown(entry: Entry) -> None:
-            self.orbit.tabs.active = 0
-            self.select(Place(of=entry.name))
-
-        self.run(step, shown, before[-1] if before else "")
+        self.run(step, None, before[-1] if before else "")
 
     def _film_wanted(self) -> None:
-        self.desk.film(self._selected(), self._filmed)
-        self.attend()
+        self.desk.film(self._selected())
 
-    def _filmed(self, path: Path) -> None:
+    # ---- what the desk tells ----
+
+    def filmed(self, path: Path) -> None:
+        """Show a film that has come."""
         if self._film not in [*self.orbit.tabs]:
             self.orbit.tabs.append(("Film", self._film))
         self._film.object = path.read_bytes()
         self.orbit.tabs.active = [*self.orbit.tabs].index(self._film)
-
-    # ---- what the desk tells ----
 
     def added(self, entry: Entry) -> None:
         """Show a result that has come."""
         if isinstance(entry.step, Follow):
             x, y = entry.step.parameters
             self.diagram.set_axes(x, y)
-        if entry.step.noun in ("orbit", "equilibrium"):
+        if entry.step.noun in ("orbit", "equilibrium", "motion"):
             self.session.settings.selected = Place(of=entry.name)
+        if entry.step.noun == "motion":
+            self.orbit.tabs.active = 0
         self._show_all()
 
-    def progressed(self, what: str, progress: Progress | None) -> None:
+    def changed(self) -> None:
+        """Show what another page has changed."""
+        self.diagram.set_axes(*self.session.settings.axes)
+        self.parameters.show()
+        self.numerics.show()
+        self._show_all()
+
+    def worked(self, work: Work) -> None:
         """Show how far the work has come."""
-        self._stop.visible = self._bar.visible = bool(what)
-        if not what:
-            self._work.object, self._stop.name = "", _STOP
-            return
-        share = -1 if progress is None or not progress.total else round(100 * progress.done / progress.total)
-        self._bar.value = min(share, 100)
-        told = "" if progress is None else f" {progress.done}{f' of {progress.total}' if progress.total else ''}"
-        self._work.object = f"{escape(what.partition(':')[0])}{told} {escape(progress.text if progress else '')}"
+        self._stop.visible = self._bar.visible = bool(work.what)
+        self._stop.name = _END if work.stopping else _STOP
+        self._bar.value = share_of(work.progress)
+        self._work.object = line_of(work)
+        self.diagram.draw_trail(work.trail)
 
     def told(self, line: str, *, error: bool = False) -> None:
         """Show a line."""
         self._message.css_classes = ["message", "error"] if error else ["message"]
         self._message.object = escape(line)
-
-    def left(self) -> None:
-        """Say that another page shows this session now."""
-        if self._watch is not None:
-            self._watch.stop()
-            self._watch = None
-        self.told("this session is open in another page now: what is done here is lost", error=True)
 
     def _line(self, line: str) -> None:
         self.told(line, error=bool(line))
@@ -311,14 +282,10 @@ class Page(Listener):
     def begin(self) -> None:
         """Find a first orbit where a session has nothing yet; of a smooth autonomous system an equilibrium."""
         self.desk.start()
-        if not self.session.entries:
+        if not self.session.entries and not self.desk.busy:
             settings, system = self.session.settings, self.session.system
             find = FindOrbit if system.phase is not None or system.transitions else FindEquilibrium
             self.run(find(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
-
-
-def _same_search(step: Step, parameters: dict[str, float], region: dict[str, tuple[float, float]]) -> bool:
-    return isinstance(step, Attract) and step.parameters == parameters and step.region == region
 
 
 def _title(place: Place, results: Any, solution: Any) -> str:

@@ -31,7 +31,7 @@ class ParameterView:
     """
 
     def __init__(self, session: Session, changed: Callable[[], None]) -> None:
-        self._session, self._changed = session, changed
+        self._session, self._changed, self._showing = session, changed, False
         system = session.system
         self._fields = {name: _Field(session, name, self._take) for name in system.parameter_names}
         names = [*system.states]
@@ -60,6 +60,8 @@ class ParameterView:
 
     def _take(self) -> None:
         """Take the values of all fields into the session."""
+        if self._showing:
+            return
         settings, mode = self._session.settings, self._mode.value or None
         parameters = {name: field.value for name, field in self._fields.items()}
         x0 = tuple(float(widget.value or 0.0) for widget in self._starts)
@@ -69,12 +71,14 @@ class ParameterView:
 
     def show(self) -> None:
         """Show the values that the session has."""
-        settings = self._session.settings
+        settings, self._showing = self._session.settings, True
         for name, field in self._fields.items():
             field.show(settings.parameters[name])
         for widget, value in zip(self._starts, settings.x0, strict=False):
             widget.value = value
         self._mode.value = settings.mode or ""
+        self._chosen.options = [_NO_SET, *settings.sets]
+        self._showing = False
 
     def _save(self) -> None:
         settings, name = self._session.settings, (self._named.value_input or self._named.value or "").strip()

@@ -17,21 +17,19 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import look
-from saltus.explorer.desk import Desk
-from saltus.explorer.session import Session, folder_of, new_folder, removed, sessions_in
 from saltus.work import uncollected
 
 if TYPE_CHECKING:
-    from saltus.explorer.application import Application
+    from saltus.explorer.office import Office
     from saltus.explorer.page import Page
-    from saltus.explorer.subjects import Subject
+    from saltus.explorer.session_view import SessionView
 
-__all__ = ["LOOPBACK", "Address", "Office", "home_folder", "serve"]
+__all__ = ["LOOPBACK", "Address", "free_port", "serve"]
 
 LOOPBACK = ("127.0.0.1", "localhost")  # names of this machine for itself
 _PORT = 8710  # tried first
-_UPLOAD = 2**26  # bytes that a session's file may have
 _COOKIE = "saltus_token"
+_PACE = 40  # milliseconds between two looks at what processes say
 
 
 @dataclass(frozen=True)
@@ -49,125 +47,7 @@ class Address:
         return frozenset(f"{name}:{self.port}" for name in hosts)
 
 
-def home_folder() -> Path:
-    """Return the folder of all sessions of this user."""
-    from platformdirs import user_data_path
-
-    return user_data_path("saltus") / "explorer"
-
-
-class Office:
-    """All sessions of a server.
-
-    Parameters
-    ----------
-    application : Application
-        Whose models can be chosen.
-    subject : Subject or None
-        The system; None for a choice among the models.
-    home : Path
-        Folder of the sessions.
-    """
-
-    def __init__(self, application: Application, subject: Subject | None, home: Path) -> None:
-        self.application, self.subject, self.home = application, subject, home
-        self._desks: dict[str, Desk] = {}
-
-    def desk(self, name: str | None, system: str | None = None) -> Desk:
-        """Return the desk of a session, reopened if it exists, else that of a new session.
-
-        Parameters
-        ----------
-        name : str or None
-            What the session's folder is called.
-        system : str, optional
-            A model of the application, where the server has no system of its own.
-
-        Raises
-        ------
-        SaltusError
-            There is no such model, or the folder cannot be written.
-        """
-        if name is not None and name in self._desks:
-            return self._desks[name]
-        folder = folder_of(self.home, name)
-        session = self._new(system) if folder is None else Session.reopened(folder)
-        return self._opened(session)
-
-    def _opened(self, session: Session) -> Desk:
-        desk = Desk(self.application, session)
-        self._desks[session.folder.name] = desk
-        return desk
-
-    def _new(self, system: str | None = None) -> Session:
-        models = self.application
-        subject = self.subject or models.subject(system or next(iter(models.titles)))
-        session = Session(subject, new_folder(self.home))
-        session.keep()
-        return session
-
-    def unpacked(self, file: Path) -> str:
-        """Return the name of a new session with the content of a file.
-
-        Raises
-        ------
-        InputError
-            The file holds no session.
-        """
-        folder = new_folder(self.home)
-        try:
-            return self._opened(Session.unpacked(file, folder)).session.folder.name
-        except SaltusError:
-            removed(folder)
-            raise
-
-    def uploaded(self, content: bytes) -> str:
-        """Return the name of a new session with an uploaded content, whatever its file was called.
-
-        Raises
-        ------
-        InputError
-            The content is no session, or too large.
-        """
-        if len(content) > _UPLOAD:
-            raise InputError("file", f"{len(content)} bytes", f"one of at most {_UPLOAD} bytes")
-        folder = new_folder(self.home)
-        try:
-            file = folder / "upload.nc"
-            file.write_bytes(content)
-            return self.unpacked(file)
-        finally:
-            removed(folder)
-
-    def unfinished(self) -> str | None:
-        """Return the newest session of the same system that was not closed on purpose, if it has results."""
-        for folder, notes in sessions_in(self.home):
-            mine = self.subject is None or notes["subject"][0] == self.subject.key
-            if mine and notes["entries"] and not notes.get("closed", True) and folder.name not in self._desks:
-                return folder.name
-        return None
-
-    def leave(self, page: Page) -> None:
-        """Close the desk of a page that is gone, unless another page has taken it over."""
-        desk = page.desk
-        if desk.listener is page:
-            self._desks.pop(desk.session.folder.name, None)
-            desk.close()
-            if not desk.session.entries:
-                removed(desk.session.folder)
-
-    def close(self) -> None:
-        """Close all sessions, on purpose."""
-        for desk in self._desks.values():
-            desk.close()
-            if desk.session.entries:
-                desk.session.keep(closed=True)
-            else:
-                removed(desk.session.folder)
-        self._desks.clear()
-
-
-def _template(office: Office, page: Page) -> Any:
+def _template(office: Office, page: Page, sessions: SessionView) -> Any:
     """Return the whole page."""
     import panel as pn
 
@@ -179,14 +59,17 @@ def _template(office: Office, page: Page) -> Any:
     made = Whole(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
     for name, part in page.parts().items():
         made.add_panel(name, part)
+    made.add_panel("sessions", sessions.panel)
     subject = page.session.subject
     made.add_variable("page_style", look.page_style())
     made.add_variable("session", page.session.folder.name)
     title = page.session.system.name or Path(subject.key).name
-    made.add_variable("tab", f"{title} · saltus")
+    made.add_variable("tab", f"{page.session.name or title} · saltus")
     made.add_variable("subject", escape(title))
-    known = () if office.subject is not None else office.application.titles.items()
-    made.add_variable("systems", [(escape(key), escape(title)) for key, title in known])
+    known = {} if office.subject is not None else {**office.application.titles}
+    if known and subject.key not in known:  # of a session's file, which a new session does not have
+        known |= {subject.key: title}
+    made.add_variable("systems", [(escape(key), escape(told)) for key, told in known.items()])
     made.add_variable("chosen", escape(subject.key))
     return made
 
@@ -204,11 +87,13 @@ def _page_of(office: Office) -> Callable[[], Any]:
             return pn.pane.HTML(f"<p>{escape(str(error))}</p>")
         with uncollected(), pn.state.curdoc.models.freeze():
             from saltus.explorer.page import Page
+            from saltus.explorer.session_view import SessionView
 
-            page = Page(desk, office.uploaded)
-            pn.state.on_session_destroyed(lambda _: office.leave(page))
+            page, sessions = Page(desk, office.uploaded), SessionView(desk, office)
+            for listener in (page, sessions):
+                pn.state.on_session_destroyed(lambda _, listener=listener: desk.leave(listener))
             pn.state.onload(page.begin)
-            _template(office, page).server_doc(pn.state.curdoc)
+            _template(office, page, sessions).server_doc(pn.state.curdoc)
         return None
 
     return make
@@ -300,6 +185,7 @@ def serve(
     """
     with uncollected():
         import panel as pn
+        from tornado.ioloop import PeriodicCallback
 
         pn.extension(console_output="disable", loading_indicator=False)
     options: Mapping[str, Any] = {
@@ -316,6 +202,7 @@ def serve(
     url = f"http://{address.host}:{address.port}/?token={address.token}" + (f"&session={session}" if session else "")
     server.start()
     _quieten(server.io_loop)
+    PeriodicCallback(office.attend, _PACE).start()
     if opened is not None:
         opened(url)
     if browser:

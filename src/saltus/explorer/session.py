@@ -15,10 +15,12 @@ from uuid import uuid4
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
-from saltus.explorer.steps import Place, Step, step_from
+from saltus.explorer.numerics import Numerics
+from saltus.explorer.solutions import observable_of
+from saltus.explorer.steps import Place, Step, Sweep, step_from
 from saltus.explorer.subjects import Subject, system_of
 from saltus.files import whole_file, write_sealed
-from saltus.result import READ, load, netcdf, reading, result_in, tagged
+from saltus.result import READ, SESSION, load, netcdf, reading, result_in, tagged
 
 if TYPE_CHECKING:
     from saltus.result import Result
@@ -55,6 +57,7 @@ class Settings:
     planes: tuple[str, ...] = ()  # what the phase portrait shows
     selected: Place | None = None  # the solution that the right side shows
     hidden: set[str] = field(default_factory=set)  # names of results that are not drawn
+    numerics: Numerics = field(default_factory=Numerics)  # steps, tolerances, the section of sweeps
 
 
 class Session:
@@ -73,6 +76,10 @@ class Session:
         Steps in the order in which they were taken.
     settings : Settings
         What is set on the page.
+    name : str
+        What the person calls it; empty without.
+    forgotten : bool
+        Whether nothing is kept any more, since the folder was deleted.
     """
 
     def __init__(self, subject: Subject, folder: Path) -> None:
@@ -81,7 +88,9 @@ class Session:
         self.entries: list[Entry] = []
         states = len(self.system.states)
         self.settings = Settings(dict(self.system.parameters), subject.x0 or (0.0,) * states)
+        self.name = ""
         self._written: set[str] = set()
+        self.forgotten = False
         folder.mkdir(parents=True, exist_ok=True)
 
     @property
@@ -125,6 +134,8 @@ class Session:
         InputError
             The folder cannot be written.
         """
+        if self.forgotten:
+            return
         entry.result.save(self.folder / f"{entry.name}.nc")
         self._written.add(entry.name)
         self.keep()
@@ -152,10 +163,14 @@ class Session:
         if any(name in entry.step.needs for entry in self.entries):
             raise InputError("result", name, "one on which no other rests")
         self.entries = [entry for entry in self.entries if entry.name != name]
+        if self.settings.selected is not None and self.settings.selected.of == name:
+            self.settings.selected = None
         (self.folder / f"{name}.nc").unlink(missing_ok=True)
 
     def keep(self, *, closed: bool = False) -> None:
         """Write down all but the results; `closed` says that the person has left on purpose."""
+        if self.forgotten:
+            return
         written = [entry for entry in self.entries if entry.name in self._written]
         notes = self._notes(written) | {"closed": closed, "at": time.time()}
         with whole_file(self.folder / _NOTES, "session") as draft:
@@ -165,6 +180,7 @@ class Session:
         kept = self.settings
         return {
             "format": _FORMAT,
+            "name": self.name,
             "subject": [*self.subject[:4], dict(self.subject.ranges)],
             "entries": [
                 {"name": e.name, "step": e.step.model_dump(), "seconds": e.seconds, "notes": list(e.notes)}
@@ -178,6 +194,7 @@ class Session:
             "planes": list(kept.planes),
             "selected": None if kept.selected is None else kept.selected.model_dump(),
             "hidden": sorted(kept.hidden),
+            "numerics": kept.numerics.model_dump(exclude_defaults=True),
         }
 
     @classmethod
@@ -219,7 +236,7 @@ class Session:
         import xarray as xr
 
         with reading(file), xr.open_datatree(file, **READ) as tree:
-            text = tree.attrs.get("saltus_session")
+            text = tree.attrs.get(SESSION)
             datasets = {name: node.to_dataset().load() for name, node in tree.children.items()}
         notes = _checked(text, file)
         if missing := [name for name in _names(notes) if name not in datasets]:
@@ -246,7 +263,7 @@ class Session:
         """
         import xarray as xr
 
-        root = xr.Dataset(attrs={"saltus_session": json.dumps(self._notes(self.entries))})
+        root = xr.Dataset(attrs={SESSION: json.dumps(self._notes(self.entries))})
         groups = {entry.name: tagged(entry.result) for entry in self.entries}
         write_sealed(file, netcdf({"": root, **groups}))
         return file
@@ -260,6 +277,7 @@ class Session:
             subject = Subject(str(key), str(definition), tuple(map(str, lines)), tuple(map(float, x0)), ends)
             system_of(subject.definition)
             session = cls(subject, folder)
+            session.name = str(notes.get("name", ""))
             for plain in notes["entries"]:
                 step, told = step_from(plain["step"]), tuple(map(str, plain["notes"]))
                 entry = Entry(plain["name"], step, results[plain["name"]], float(plain["seconds"]), told)
@@ -269,6 +287,7 @@ class Session:
             kept.x0, kept.mode = tuple(map(float, notes["x0"])), notes["mode"]
             kept.sets, kept.hidden = dict(notes["sets"]), set(map(str, notes["hidden"]))
             kept.axes, kept.planes = tuple(map(str, notes["axes"])), tuple(map(str, notes["planes"]))
+            kept.numerics = Numerics.model_validate(notes.get("numerics", {}))
             kept.selected = None if notes["selected"] is None else Place.model_validate(notes["selected"])
         except SaltusError:
             raise
@@ -276,6 +295,16 @@ class Session:
             why = " ".join(f"{type(error).__name__}: {error}".split())
             raise InputError("path", str(folder), "a whole session", why) from error
         return session
+
+    def _plot_text(self, entry: Entry) -> str:
+        """Return Python that draws a result on the diagram's axes, up to the closing bracket; empty where none does."""
+        if entry.step.noun in ("branch", "locus"):
+            return f"{entry.name}.plot({', '.join(map(repr, self.settings.axes))}"
+        if not isinstance(entry.step, Sweep) or self.settings.axes[:1] != (entry.step.parameter,):
+            return ""
+        seen = observable_of(self.settings.axes[1], self.system)
+        known = (*self.system.states, *entry.step.observables)
+        return f"{entry.name}.plot({seen!r}" if seen in known else ""
 
     def script(self) -> str:
         """Return Python that computes everything that the session has, and draws its diagram.
@@ -295,11 +324,11 @@ class Session:
             lines.insert(lines.index("import saltus"), "import numpy as np")
         lines.append("")
         lines += [f"{entry.name} = {entry.step.text()}" for entry in self.entries]
-        drawn = [e for e in self.entries if e.step.noun in ("branch", "locus") and e.name not in self.settings.hidden]
-        if drawn:
-            axes = "".join(f"{name!r}, " for name in self.settings.axes)
-            lines += ["", f"ax = {drawn[0].name}.plot({axes.removesuffix(', ')})"]
-            lines += [f"{entry.name}.plot({axes}ax=ax, legend=False)" for entry in drawn[1:]]
+        drawn = [e for e in self.entries if e.name not in self.settings.hidden]
+        plots = [told for entry in drawn if (told := self._plot_text(entry))]
+        if plots:
+            lines += ["", f"ax = {plots[0]})"]
+            lines += [f"{told}{', ' if told[-1] != '(' else ''}ax=ax, legend=False)" for told in plots[1:]]
             lines += ['ax.figure.savefig("diagram.png", dpi=200)']
         return "\n".join(lines) + "\n"
 

@@ -120,17 +120,19 @@ class FindOrbit(_Found):
     """Find the periodic orbit on which the motion from a state settles."""
 
     kind: Literal["find_orbit"] = "find_orbit"
+    settle: Annotated[float, Field(gt=0.0)] | None = None
     noun: ClassVar[str] = "orbit"
 
     def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
         """Call `saltus.find_orbit`."""
         from saltus.orbits import find_orbit
 
-        return find_orbit(system, self.parameters, list(self.x0), mode=self.mode)
+        return find_orbit(system, self.parameters, list(self.x0), mode=self.mode, settle=self.settle)
 
     def text(self) -> str:
         """Return the call as Python."""
-        return f"saltus.find_orbit({self._arguments()})"
+        settle = "" if self.settle is None else f", settle={self.settle!r}"
+        return f"saltus.find_orbit({self._arguments()}{settle})"
 
 
 class FindEquilibrium(_Found):
@@ -167,22 +169,41 @@ class _FromPlace(Step):
         return f"{self.place.of}[{self.place.label!r}]"
 
 
-class _Followed(_FromPlace):
+class _Stepped(_FromPlace):
+    steps: dict[
+        Literal["largest", "deviation", "max_points"], float | int
+    ] = {}  # values of a `saltus.StepControl` that differ from its own
+
+    @property
+    def _control(self) -> Any:
+        from saltus.continuation import StepControl
+
+        return StepControl(**self.steps) if self.steps else None  # type: ignore[arg-type]  # it checks them
+
+    def _control_text(self) -> str:
+        values = ", ".join(f"{name}={value!r}" for name, value in self.steps.items())
+        return f", steps=saltus.StepControl({values})" if values else ""
+
+
+class _Followed(_Stepped):
     parameter: str
     bounds: tuple[float, float]
     of: Literal["orbit", "equilibrium", "cycle"] = "orbit"  # what is followed
+    directions: Literal["both", "up", "down"] = "both"
     noun: ClassVar[str] = "branch"
 
     def _follow(self, start: Any, progress: Report | bool) -> Result:
         from saltus.continuation import continue_equilibrium, continue_orbit
 
         follow: Any = continue_equilibrium if self.of == "equilibrium" else continue_orbit
-        found: Result = follow(start, self.parameter, self.bounds, progress=progress)
+        options = {"steps": self._control, "directions": self.directions}
+        found: Result = follow(start, self.parameter, self.bounds, progress=progress, **options)
         return found
 
     def _call(self, start: str) -> str:
         name = "continue_equilibrium" if self.of == "equilibrium" else "continue_orbit"
-        return f"saltus.{name}({start}, {self.parameter!r}, {self.bounds!r})"
+        way = "" if self.directions == "both" else f", directions={self.directions!r}"
+        return f"saltus.{name}({start}, {self.parameter!r}, {self.bounds!r}{way}{self._control_text()})"
 
 
 class Continue(_Followed):
@@ -215,7 +236,7 @@ class Switch(_Followed):
         return self._call(f"saltus.switch_branch({self._point_text()})")
 
 
-class Follow(_FromPlace):
+class Follow(_Stepped):
     """Follow the locus of a special point over two parameters."""
 
     kind: Literal["follow"] = "follow"
@@ -228,16 +249,17 @@ class Follow(_FromPlace):
         from saltus.continuation import continue_locus
 
         bounds = dict(zip(self.parameters, self.bounds, strict=True))
-        found: Result = continue_locus(self._point(results), self.parameters, bounds, progress=progress)
+        point, control = self._point(results), self._control
+        found: Result = continue_locus(point, self.parameters, bounds, steps=control, progress=progress)
         return found
 
     def text(self) -> str:
         """Return the call as Python."""
         bounds = dict(zip(self.parameters, self.bounds, strict=True))
-        return f"saltus.continue_locus({self._point_text()}, {self.parameters!r}, {bounds!r})"
+        return f"saltus.continue_locus({self._point_text()}, {self.parameters!r}, {bounds!r}{self._control_text()})"
 
 
-class Cascade(_FromPlace):
+class Cascade(_Stepped):
     """Follow the period doublings after a first one."""
 
     kind: Literal["cascade"] = "cascade"
@@ -249,13 +271,14 @@ class Cascade(_FromPlace):
         """Call `saltus.follow_cascade`."""
         from saltus.continuation import follow_cascade
 
-        point = self._point(results)
-        found: Result = follow_cascade(point, self.bounds, doublings=self.doublings, progress=progress)
+        options = {"doublings": self.doublings, "steps": self._control, "progress": progress}
+        found: Result = follow_cascade(self._point(results), self.bounds, **options)
         return found
 
     def text(self) -> str:
         """Return the call as Python."""
-        return f"saltus.follow_cascade({self._point_text()}, {self.bounds!r}, doublings={self.doublings})"
+        given = f"{self.bounds!r}, doublings={self.doublings}{self._control_text()}"
+        return f"saltus.follow_cascade({self._point_text()}, {given})"
 
 
 class Sweep(Step):
@@ -269,14 +292,26 @@ class Sweep(Step):
     observables: tuple[str, ...] = ()
     parameters: dict[str, float] = {}
     x0: tuple[float, ...] = ()
+    discard: Annotated[int, Field(ge=0)] | None = None
+    keep: Annotated[int, Field(ge=1)] | None = None
+    tolerance: Annotated[float, Field(gt=0.0)] | None = None
+    # a transition, or an expression that vanishes with the direction of its crossings; None for phase 0
+    section: str | tuple[str, Literal[-1, 0, 1]] | None = None
     noun: ClassVar[str] = "sweep"
+
+    def _numerics(self) -> dict[str, Any]:
+        given = {"discard": self.discard, "keep": self.keep, "tolerance": self.tolerance}
+        return {name: value for name, value in given.items() if value is not None}
 
     def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
         """Call `saltus.run_sweep`."""
-        from saltus.sweeps import SweepOptions, run_sweep
+        from saltus.sweeps import Section, SweepOptions, run_sweep
 
         values, x0 = np.linspace(*self.bounds, self.count), list(self.x0) or None
-        options = SweepOptions(follow=self.direction, observables=self.observables, workers=1)
+        section = Section(*self.section) if isinstance(self.section, tuple) else self.section
+        options = SweepOptions(
+            follow=self.direction, observables=self.observables, section=section, workers=1, **self._numerics()
+        )
         given = self.parameters
         return run_sweep(system, self.parameter, values, parameters=given, x0=x0, options=options, progress=progress)
 
@@ -285,7 +320,11 @@ class Sweep(Step):
         low, high = self.bounds
         values = f"np.linspace({low!r}, {high!r}, {self.count})"
         seen = f", observables={self.observables!r}" if self.observables else ""
-        options = f"saltus.options.SweepOptions(follow={self.direction!r}{seen}, workers=1)"
+        more = "".join(f", {name}={value!r}" for name, value in self._numerics().items())
+        if self.section is not None:
+            named = isinstance(self.section, str)
+            more += f", section={self.section!r}" if named else f", section=saltus.Section{self.section!r}"
+        options = f"saltus.options.SweepOptions(follow={self.direction!r}{seen}{more}, workers=1)"
         given = f"parameters={self.parameters!r}, x0={list(self.x0) or None!r}, options={options}"
         return f"saltus.run_sweep(system, {self.parameter!r}, {values}, {given})"
 
@@ -299,19 +338,21 @@ class Move(Step):
     mode: str | None = None
     periods: Annotated[int, Field(ge=1, le=100_000)] | None = None
     t_end: Annotated[float, Field(gt=0.0)] | None = None
+    tolerance: Annotated[float, Field(gt=0.0)] | None = None
     noun: ClassVar[str] = "motion"
 
     def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
         """Call `saltus.simulate`."""
         from saltus.flow import simulate
 
-        span = {"t_end": self.t_end, "periods": self.periods}
+        span = {"t_end": self.t_end, "periods": self.periods, "tolerance": self.tolerance}
         given: dict[str, Any] = {name: value for name, value in span.items() if value is not None}
         return simulate(system, self.parameters, list(self.x0), mode=self.mode, **given)
 
     def text(self) -> str:
         """Return the call as Python."""
-        given = {"mode": self.mode, "t_end": self.t_end, "periods": self.periods}
+        span = {"t_end": self.t_end, "periods": self.periods, "tolerance": self.tolerance}
+        given = {"mode": self.mode, **span}
         options = "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
         return f"saltus.simulate(system, {self.parameters!r}, {list(self.x0)!r}{options})"
 

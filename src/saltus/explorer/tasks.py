@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from saltus.errors import SaltusError
+from saltus.explorer.solutions import quantity_of
 from saltus.explorer.steps import step_from
 from saltus.explorer.subjects import system_of
 
 if TYPE_CHECKING:
-    from saltus.progress import Report
+    from saltus.progress import Progress, Report
     from saltus.result import Result
 
 __all__ = ["Outcome", "prepare", "take", "warm"]
+
+
+_PACE = 0.1  # seconds between two solutions whose place is told, at least
 
 
 class Outcome(NamedTuple):
@@ -34,7 +39,13 @@ def prepare() -> None:
     import saltus.sweeps  # noqa: F401
 
 
-def take(definition: str, plain: Mapping[str, Any], results: Mapping[str, Any], progress: Report | bool) -> Outcome:
+def take(
+    definition: str,
+    plain: Mapping[str, Any],
+    results: Mapping[str, Any],
+    axes: tuple[str, ...],
+    progress: Callable[[Progress], object],
+) -> Outcome:
     """Return what comes of a step.
 
     Parameters
@@ -45,8 +56,10 @@ def take(definition: str, plain: Mapping[str, Any], results: Mapping[str, Any], 
         The step as plain data.
     results : mapping of str to Result
         The results that the step needs, by name.
-    progress : callable or bool
-        As every long function of saltus takes it.
+    axes : tuple of str
+        Quantities on the diagram's axes: progress tells the place of the last solution there.
+    progress : callable
+        Called with a `Progress`, whose `last` is a place on the axes or None.
 
     Raises
     ------
@@ -56,9 +69,25 @@ def take(definition: str, plain: Mapping[str, Any], results: Mapping[str, Any], 
     begun = time.perf_counter()
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", RuntimeWarning)
-        result = step_from(plain).run(system_of(definition), results, progress)
+        result = step_from(plain).run(system_of(definition), results, _Watch(axes, progress))
     notes = tuple(dict.fromkeys(str(warning.message) for warning in told if warning.category is RuntimeWarning))
     return Outcome(result, time.perf_counter() - begun, notes)
+
+
+class _Watch:
+    """Passes progress on, with the place of the last solution on the axes from time to time."""
+
+    def __init__(self, axes: tuple[str, ...], progress: Callable[[Progress], object]) -> None:
+        self._axes, self._progress, self._seen = axes, progress, 0.0
+
+    def __call__(self, progress: Progress) -> None:
+        place = None
+        if callable(progress.last) and time.monotonic() - self._seen >= _PACE:
+            self._seen = time.monotonic()
+            with suppress(SaltusError):  # a quantity that this solution has not: the diagram says so when all is done
+                solution = progress.last()
+                place = tuple(quantity_of(solution, name) for name in self._axes)
+        self._progress(replace(progress, last=place))
 
 
 def warm(definition: str, x0: tuple[float, ...], progress: Report | bool) -> None:

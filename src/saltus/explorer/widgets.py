@@ -19,11 +19,13 @@ __all__ = [
     "count",
     "download",
     "film",
+    "fold",
     "html",
     "number",
     "on_change",
     "on_click",
     "pane",
+    "poster",
     "quantity",
     "row",
     "slider",
@@ -52,8 +54,17 @@ def on_click(made: Any, work: Callable[[], object]) -> None:
 
 
 def on_change(made: Any, work: Callable[[Any], object], what: str = "value") -> None:
-    """Do work with a widget's new value when this changes, with the document's lock."""
-    made.param.watch(_locked(lambda event: work(event.new)), what)
+    """Do work with a widget's new value when this changes, with the document's lock.
+
+    A value that has changed again meanwhile is passed over: two pages would send each other their old values for ever.
+    """
+    made.param.watch(_locked(lambda event: work(event.new) if getattr(made, what) == event.new else None), what)
+
+
+def poster() -> Callable[[Callable[[], None]], object]:
+    """Return a function that does work soon, with the lock of the page that is made now; at once without a server."""
+    document = pn.state.curdoc
+    return (lambda work: work()) if document is None else document.add_next_tick_callback
 
 
 def _locked(work: Callable[[Any], object]) -> Any:
@@ -73,7 +84,13 @@ def html(name: str, text: str = "", margin: tuple[int, ...] = (4, 8), **options:
     return pn.pane.HTML(text, css_classes=[name], margin=margin, stylesheets=_sheets(), **options)
 
 
-def number(title: str, value: float, width: int, name: str = "", margin: tuple[int, ...] = _MARGIN) -> Any:
+def fold(title: str, *parts: Any) -> Any:
+    """Return parts below each other, which a click on their title shows and hides; hidden at first."""
+    options = {"collapsed": True, "margin": (8, 4), "sizing_mode": "stretch_width", "css_classes": ["fold"]}
+    return pn.Card(*parts, title=title, stylesheets=_sheets(), **options)
+
+
+def number(title: str, value: float | None, width: int, name: str = "", margin: tuple[int, ...] = _MARGIN) -> Any:
     """Return a field for a number."""
     options = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
     return pn.widgets.FloatInput(name=title, value=value, width=width, **options)

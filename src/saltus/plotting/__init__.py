@@ -10,10 +10,14 @@ from functools import singledispatch
 from importlib import import_module
 from typing import Any
 
-from saltus.errors import InputError
+from saltus.errors import InputError, SaltusError
 from saltus.plotting.style import check_matplotlib
 
-__all__ = ["plot"]
+__all__ = ["picture_in_html", "plot"]
+
+_SMALL = (4.0, 2.6)  # size of a small picture in inches
+_DPI = 80  # its pixels in an inch
+_MOST_DRAWN = 2e7  # bytes of a result of which a small picture is made
 
 # The module that draws each kind of result, by the kind's full name.
 _HOMES = {
@@ -80,3 +84,21 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
     check_matplotlib()
     import_module(home)
     return plot.dispatch(type(result))(result, *args, **options)
+
+
+def picture_in_html(result: Any) -> str:
+    """Return a small picture of a result as HTML; empty of what has none, or has much to draw."""
+    if result.to_xarray().nbytes > _MOST_DRAWN:
+        return ""
+    from base64 import b64encode
+    from io import BytesIO
+
+    from matplotlib.figure import Figure
+
+    figure, content = Figure(figsize=_SMALL, layout="constrained"), BytesIO()
+    try:
+        plot(result, ax=figure.add_subplot())
+    except SaltusError:
+        return ""
+    figure.savefig(content, format="png", dpi=_DPI)
+    return f'<img alt="" src="data:image/png;base64,{b64encode(content.getvalue()).decode()}">'

@@ -115,6 +115,10 @@ class OrbitRun(OneParameterRun):
         data = point.examined.data
         return orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
 
+    def last(self, piece: OrbitZeroProblem, point: Point) -> Any:
+        """See `Run.last`."""
+        return lambda: self.orbit_of(piece, point)
+
     def halved(self, branch: OrbitZeroProblem, point: Point) -> Point | None:
         """Return a branch point at which the period halves, located; None where it does not halve."""
         return halved(branch, point)

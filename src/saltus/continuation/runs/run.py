@@ -55,6 +55,10 @@ class Run(ABC):
     def told(self, point: Point) -> str:
         """Return the parameters of a point as progress shows them."""
 
+    def last(self, piece: Any, point: Point) -> Callable[[], Any] | None:
+        """Return what makes the solution at a point, for those who watch; None where nothing does."""
+        return None
+
     @abstractmethod
     def starts_outwards(self, point: Point) -> bool:
         """Return whether a direction leaves its bounds at once."""
@@ -137,7 +141,7 @@ class Run(ABC):
         """Add the point behind `last` to a direction; return the reason why the curve ends with it, or None."""
         half.points.append((piece, point))
         if self.asked.reporter.report is not None:
-            self.asked.reporter.step(1, self.told(point))
+            self.asked.reporter.step(1, self.told(point), self.last(piece, point))
         most = self.control.max_points
         return f"{self.place(point)}: {most} points" if len(half.points) >= most else None
 

@@ -1,0 +1,78 @@
+"""Fields for numbers that a person may set: empty ones are the package's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from saltus.explorer import widgets
+from saltus.explorer.numerics import Numerics, section_names
+
+if TYPE_CHECKING:
+    from saltus.explorer.session import Session
+
+__all__ = ["NumericsView"]
+
+_WIDTH = 112  # pixels of a field
+# Title of each field, with the package's own number.
+_FIELDS = {
+    "largest": "longest step (0.1)",
+    "deviation": "deviation (3e-4)",
+    "max_points": "points (5000)",
+    "settle": "settle for",
+    "tolerance": "tolerance",
+    "discard": "sweep drops (600)",
+    "keep": "sweep keeps (100)",
+}
+_WHOLE = ("max_points", "discard", "keep")  # fields of whole numbers
+
+
+class NumericsView:
+    """The fields.
+
+    Parameters
+    ----------
+    session : Session
+        Whose numbers they are.
+    changed : callable
+        Called after a number was changed.
+    """
+
+    def __init__(self, session: Session, changed: Callable[[], None]) -> None:
+        self._session, self._changed = session, changed
+        self._fields = {name: self._field(name, title) for name, title in _FIELDS.items()}
+        names = section_names(session.system)
+        usual = "phase 0" if session.system.phase is not None else names[0]
+        self._section = widgets.text("section", f"section of sweeps: {usual}", 236)
+        widgets.on_change(self._section, lambda _: self._take())
+        self.panel = widgets.fold("Numerics", widgets.row(*self._fields.values(), wrap=True), self._section)
+        self.show()
+
+    def _field(self, name: str, title: str) -> Any:
+        made = widgets.number(title, None, _WIDTH, f"numerics-{name}", (1, 4))
+        widgets.on_change(made, lambda _: self._take())
+        return made
+
+    def _take(self) -> None:
+        """Take all fields into the session; what is not allowed is put back."""
+        given = {name: field.value for name, field in self._fields.items() if field.value is not None}
+        given |= {name: round(given[name]) for name in _WHOLE if name in given}
+        try:
+            found = Numerics(**given, section=self._section.value or "")
+        except ValidationError:
+            self.show()
+            return
+        if found != self._session.settings.numerics:
+            self._session.settings.numerics = found
+            self._changed()
+
+    def show(self) -> None:
+        """Show the numbers that the session has."""
+        numerics = self._session.settings.numerics
+        for name, field in self._fields.items():
+            if field.value != getattr(numerics, name):
+                field.value = getattr(numerics, name)
+        if (self._section.value or "") != numerics.section:
+            self._section.value = numerics.section

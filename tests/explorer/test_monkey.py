@@ -1,0 +1,111 @@
+"""Random actions in two windows on one session: no exception, no lost result, no growing memory."""
+
+import random
+from pathlib import Path
+
+import pytest
+
+import saltus
+from saltus.explorer.session import Session, new_folder
+from saltus.explorer.subjects import of_system
+from screen import Screen, browser
+from selection import guarding
+from systems import ball_on_table
+
+pytestmark = [
+    pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested"),
+    pytest.mark.campaign,
+]
+
+SYSTEMS = {
+    "ball": ball_on_table,
+    "pendulum": lambda: saltus.HybridSystem.smooth(
+        {"x": "v", "v": "-sin(x) - 0.2*v + F*cos(s)"}, {"F": 0.5, "w": 0.7}, phase=("s", "w")
+    ),
+    "brusselator": lambda: saltus.HybridSystem.smooth(
+        {"x": "A - (B + 1)*x + x**2*y", "y": "B*x - x**2*y"}, {"A": 1.0, "B": 2.5}
+    ),
+    "lorenz": lambda: saltus.HybridSystem.smooth(
+        {"x": "sigma*(y - x)", "y": "x*(r - z) - y", "z": "x*y - b*z"}, {"sigma": 10.0, "r": 28.0, "b": 8.0 / 3.0}
+    ),
+    "spring": lambda: saltus.HybridSystem.smooth({"x": "v", "v": "cos(s) - x - 0.1*v"}, {"w": 0.8}, phase=("s", "w")),
+}
+GROWTH = 20.0  # megabytes by which the server may grow after the first half of the actions
+
+
+class Monkey:
+    """Does something in one of two windows."""
+
+    def __init__(self, windows: list[Screen], seed: str) -> None:
+        self.windows, self.chance = windows, random.Random(seed)
+
+    def act(self) -> None:
+        """Do one thing; buttons that are not offered are passed over."""
+        page = self.chance.choice(self.windows).page
+        kind = self.chance.choices(["click", "fill", "reload", "wait", "row", "diagram"], [40, 20, 5, 15, 10, 10])[0]
+        getattr(self, f"_{kind}")(page)
+
+    def _click(self, page) -> None:
+        names = ["find-orbit", "find-equilibrium", "continue", "extend", "undo", "sweep", "stop", "switch", "follow"]
+        found = page.locator(f".{self.chance.choice(names)} button")
+        if found.count() and found.first.is_visible() and found.first.is_enabled():
+            found.first.click(timeout=2000, no_wait_after=True, force=True)
+
+    def _fill(self, page) -> None:
+        fields = page.locator(".parameter-name ~ * input, [class*=start-] input, .axis-y input, .sweep-values input")
+        if fields.count():
+            field = fields.nth(self.chance.randrange(fields.count()))
+            field.fill(self.chance.choice(["20", "0.5", "max_x", "period", "-1", ""]), force=True)
+            field.press("Enter")
+
+    def _reload(self, page) -> None:
+        page.reload()
+        page.wait_for_selector(".find-orbit")
+
+    def _wait(self, page) -> None:
+        page.wait_for_timeout(self.chance.choice([10, 100, 500]))
+
+    def _row(self, page) -> None:
+        boxes = page.locator("[class*=show-] input")
+        if boxes.count():
+            boxes.nth(self.chance.randrange(boxes.count())).click(force=True, no_wait_after=True)
+
+    def _diagram(self, page) -> None:
+        box = page.locator(".diagram").bounding_box()
+        page.mouse.click(*(box[k] + self.chance.random() * box[size] for k, size in (("x", "width"), ("y", "height"))))
+
+
+def resident(pid: int) -> float:
+    """Return the memory of a process, in megabytes."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) / 1e3
+
+
+def idle(screen: Screen) -> list[str]:
+    """End all work, and return the names of the results that a window shows."""
+    stop = screen.page.locator(".stop button")
+    if stop.count() and stop.is_visible():
+        stop.click(force=True, no_wait_after=True)
+    screen.page.wait_for_selector(".stop", state="hidden")
+    screen.page.wait_for_timeout(500)
+    return screen.page.locator(".result b").all_inner_texts()
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("count", guarding([12, 120], 12))
+def test_random_actions_lose_nothing(window, server, home, name, count):
+    address, process = server
+    folder = new_folder(home / "saltus" / "explorer")
+    Session(of_system(SYSTEMS[name](), name), folder).keep()
+    said = len((home / "server.log").read_text())
+    windows = [Screen(window.new_page(), address, f"&session={folder.name}") for _ in range(2)]
+    monkey, halfway = Monkey(windows, f"{name} {count}"), 0.0
+    for k in range(count):
+        monkey.act()
+        if k == count // 2:
+            halfway = resident(process.pid)
+    shown = [idle(screen) for screen in windows]
+    assert shown[0] == shown[1] == [entry.name for entry in Session.reopened(folder).entries]
+    assert (home / "server.log").read_text()[said:] == ""
+    assert [screen.errors for screen in windows] == [[], []]
+    assert resident(process.pid) - halfway < GROWTH or count < 100

@@ -1,0 +1,126 @@
+"""Sessions of a server: which are open, which come back, which are deleted."""
+
+import pytest
+
+from saltus.errors import InputError, SaltusError
+from saltus.explorer.desk import Listener
+from saltus.explorer.office import Office
+from saltus.explorer.session import Session
+from saltus.explorer.subjects import of_system
+
+
+def test_a_session_without_results_leaves_nothing_behind(toys, tmp_path, ball_on_table):
+    office = Office(toys, of_system(ball_on_table), tmp_path)
+    office.desk("../../etc", None)
+    office.desk("0123456789ab", None)
+    assert len([*tmp_path.iterdir()]) == 2
+    office.close()
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.campaign
+def test_an_upload_that_is_no_session_leaves_nothing_behind(toys, tmp_path, ball_on_table):
+    office = Office(toys, of_system(ball_on_table), tmp_path)
+    with pytest.raises(SaltusError):
+        office.uploaded(b"no session")
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.fixture
+def office(toys, tmp_path) -> Office:
+    return Office(toys, None, tmp_path)
+
+
+def test_a_choice_among_models_begins_with_the_first(office, toys):
+    assert office.desk(None).session.subject.key == next(iter(toys.titles))
+    assert office.desk(None, "bench").session.subject.key == "bench"
+    assert office.desk(None).application is toys
+    with pytest.raises(InputError, match="did you mean 'bench'"):
+        office.desk(None, "benhc")
+
+
+def test_a_desk_is_closed_when_its_last_page_is_gone(office, tmp_path):
+    desk, first, second = office.desk(None), Listener(), Listener()
+    name = desk.session.folder.name
+    assert office.desk(name) is desk
+    for page in (first, second):
+        desk.join(page)
+    desk.leave(first)
+    office.attend()
+    assert office.desk(name) is desk
+    desk.leave(second)
+    office.attend()
+    assert not (tmp_path / name).exists()
+
+
+def test_a_tab_that_is_closed_counts_as_closed(office, toys, tmp_path, taken_steps):
+    steps, results = taken_steps
+    desk, page = office.desk(None), Listener()
+    desk.join(page)
+    desk.session.write(desk.session.add(steps["orbit1"], results["orbit1"]))
+    assert Office(toys, None, tmp_path).unfinished() == desk.session.folder.name
+    desk.leave(page)
+    office.attend()
+    assert Office(toys, None, tmp_path).unfinished() is None
+    again = Office(toys, None, tmp_path).desk(desk.session.folder.name)
+    assert Office(toys, None, tmp_path).unfinished() == again.session.folder.name  # it is open again
+
+
+def test_a_start_offers_no_session_of_another_model(office, toys, tmp_path, taken_steps):
+    steps, results = taken_steps
+    session = office.desk(None, "bench").session
+    session.write(session.add(steps["orbit1"], results["orbit1"]))
+    assert Office(toys, None, tmp_path).unfinished() is None
+    assert Office(toys, toys.subject("bench"), tmp_path).unfinished() == session.folder.name
+
+
+@pytest.mark.campaign
+def test_a_session_that_was_not_closed_is_gone_on_with(office, toys, tmp_path, taken_steps):
+    steps, results = taken_steps
+    session = office.desk(None).session
+    assert Office(toys, None, tmp_path).unfinished() is None  # it has no results
+    session.write(session.add(steps["orbit1"], results["orbit1"]))
+    assert office.unfinished() is None  # its page is open
+    assert Office(toys, None, tmp_path).unfinished() == session.folder.name
+    assert Office(toys, toys.subject("bench"), tmp_path).unfinished() is None  # of another system
+    office.close()
+    assert Office(toys, None, tmp_path).unfinished() is None  # it was closed on purpose
+
+
+@pytest.mark.campaign
+def test_an_upload_is_a_session_of_its_own(office, session, tmp_path):
+    content = session.packed(tmp_path / "session.nc").read_bytes()
+    first, second = office.uploaded(content), office.uploaded(content)
+    assert first != second
+    assert office.desk(first).session.results == session.results
+    assert not [*tmp_path.rglob("upload.nc")]
+
+
+@pytest.mark.campaign
+def test_an_upload_has_a_largest_size(office, monkeypatch):
+    monkeypatch.setattr("saltus.explorer.office._UPLOAD", 10)
+    with pytest.raises(InputError, match="file = '11 bytes': must be one of at most 10 bytes"):
+        office.uploaded(b"x" * 11)
+
+
+def test_sessions_are_listed_by_name_and_deleted(office, tmp_path, taken_steps):
+    steps, results = taken_steps
+    one, other = office.desk(None), office.desk(None, "bench")
+    one.session.write(one.session.add(steps["orbit1"], results["orbit1"]))
+    one.session.name = "near the fold"
+    one.session.keep()
+    listed = {entry.folder: entry for entry in office.listed()}
+    assert listed[one.session.folder.name][1:4] == ("near the fold", "table", 1)
+    assert listed[other.session.folder.name][1:4] == ("", "bench", 0)
+    assert Session.reopened(one.session.folder).name == "near the fold"
+    page = Listener()
+    lines = []
+    page.told = lambda line, error=False: lines.append(line)
+    one.join(page)
+    office.delete(one.session.folder.name)
+    assert [entry.key for entry in office.listed()] == ["bench"]
+    one.run(steps["orbit1"])
+    one.session.keep()
+    assert not one.session.folder.exists()
+    assert lines == ["this session was deleted in another page"] * 2
+    office.delete("../../etc")

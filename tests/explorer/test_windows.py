@@ -1,0 +1,151 @@
+"""Pages that come and go in a real browser: reloads while work goes on, two windows on one session."""
+
+import pytest
+
+import saltus
+from saltus.explorer.session import Session, new_folder
+from saltus.explorer.subjects import of_system
+from screen import Screen, browser
+
+pytestmark = [
+    pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested"),
+    pytest.mark.campaign,
+]
+
+
+def begin_sweep(screen, count: int) -> None:
+    """Start a sweep, and wait until it is under way."""
+    screen.fill("sweep-values", str(count))
+    screen.page.click(".sweep")
+    screen.until("work", f" of {count}")
+
+
+def test_a_page_that_is_loaded_again_takes_over_work_and_result(screen):
+    begin_sweep(screen, 2000)
+    screen.page.click(".find-orbit")  # it waits behind the sweep
+    screen.until("work", "1 more waits: orbit")
+    screen.page.reload()
+    screen.until("work", " of 2000")
+    screen.until("work", "1 more waits: orbit")
+    assert screen.page.is_visible(".stop")
+    assert screen.page.is_visible(".result-branch1")
+    screen.page.click(".stop")
+    assert "interrupted" in screen.wait("sweep1")
+    screen.page.wait_for_selector(".stop", state="hidden")
+    assert screen.errors == []
+
+
+def test_end_now_lives_as_long_as_its_job(screen):
+    begin_sweep(screen, 10_000)
+    screen.page.click(".stop")
+    screen.wait("sweep1")
+    screen.page.wait_for_selector(".stop", state="hidden")
+    begin_sweep(screen, 10_000)
+    assert screen.page.inner_text(".stop button") == "Stop"
+    screen.page.click(".stop")
+    assert "interrupted" in screen.wait("sweep2")
+
+
+def test_two_windows_on_one_session_show_the_same(screen, window, address, home):
+    other = Screen(window.new_page(), address, "&" + screen.page.url.partition("?")[2])
+    other.wait("branch1")
+    screen.page.click(".find-orbit")
+    for page in (screen, other):
+        page.wait("orbit2")
+    other.fill("parameter-ybar", "0.11")
+    screen.until_value(".parameter-ybar input", 0.11, within=1e-12)
+    screen.fill("axis-y", "max_z")
+    other.eventually(lambda: other.page.input_value(".axis-y input") == "max_z")
+    other.page.click(".undo")
+    screen.page.wait_for_selector(".result-orbit2", state="detached")
+    begin_sweep(other, 2000)
+    screen.until("work", " of 2000")
+    screen.page.click(".stop")
+    for page in (screen, other):
+        page.wait("sweep1")
+    assert screen.errors == other.errors == []
+    assert "Traceback" not in (home / "server.log").read_text()
+
+
+def test_sessions_are_named_found_again_and_deleted(screen):
+    first = screen.page.url.partition("session=")[2]
+    screen.fill("session-name", "near the fold")
+    screen.page.wait_for_timeout(300)
+    screen.page.click(".new-session")
+    screen.eventually(lambda: first not in screen.page.url)
+    screen.wait("orbit1")
+    assert not screen.page.locator(".result-branch1").count()
+    assert "near the fold" in screen.text(f"session-{first}")
+    screen.page.click(f".session-{first} a")
+    screen.wait("branch1")
+    assert first in screen.page.url
+    assert screen.page.input_value(".session-name input") == "near the fold"
+    screen.page.wait_for_function("() => document.title == 'near the fold · saltus'")
+    screen.page.click(".new-session")
+    screen.wait("orbit1")
+    for _ in range(2):
+        screen.page.click(f".delete-{first} button")
+    screen.page.wait_for_selector(f".session-{first}", state="detached")
+    assert screen.errors == []
+
+
+def test_a_session_of_another_model_names_it(window, address, home, empty):
+    folder = new_folder(home / "saltus" / "explorer")
+    session = Session(empty.subject, folder)
+    session.keep()
+    screen = Screen(window.new_page(), address, f"&session={folder.name}")
+    chosen = "() => document.querySelector('.systems select').selectedOptions[0].text"
+    assert screen.page.evaluate(chosen) == "ball on a table"
+    assert screen.errors == []
+
+
+def test_a_script_that_may_not_be_copied_is_shown(screen, kept):
+    screen.page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject() }")
+    screen.page.click(".copy-python")
+    screen.page.wait_for_selector("#script[open]")
+    assert screen.page.input_value("#script textarea") == kept.script()
+    screen.page.click("#script button")
+    screen.page.wait_for_selector("#script", state="hidden")
+
+
+def shown(window, address, home, system, **settings) -> Screen:
+    """Return a page of a new session of a system."""
+    folder = new_folder(home / "saltus" / "explorer")
+    session = Session(of_system(system), folder)
+    for name, value in settings.items():
+        setattr(session.settings, name, value)
+    session.keep()
+    return Screen(window.new_page(), address, f"&session={folder.name}")
+
+
+def test_a_chaotic_motion_is_shown_and_swept_on_a_section(window, address, home):
+    field = {"x": "sigma*(y - x)", "y": "x*(r - z) - y", "z": "x*y - b*z"}
+    lorenz = saltus.HybridSystem.smooth(field, {"sigma": 10.0, "r": 28.0, "b": 8.0 / 3.0})
+    screen = shown(window, address, home, lorenz, x0=(1.0, 1.0, 20.0), axes=("r", "z"))
+    screen.wait("equilibrium1")
+    screen.page.click(".find-orbit")
+    assert "200" in screen.wait("motion1")
+    assert "periodic attractor" in screen.text("message")
+    screen.page.click(".fold .card-header")
+    screen.fill("numerics-discard", "20")
+    screen.fill("section", "max(z)")
+    screen.page.select_option(".select-sweep select", "r")
+    screen.fill("sweep-values", "5")
+    screen.page.click(".sweep")
+    assert "sweep1" in screen.wait("sweep1")
+    screen.eventually(lambda: len(screen.column("diagram", "dots", "x")) > 100)
+    assert "saltus.Section('x*y-b*z', -1)" in screen.page.get_attribute(".result-sweep1 .result", "title")
+    assert screen.errors == []
+
+
+def test_a_branch_is_followed_with_steps_of_ones_own_and_extended(screen):
+    screen.page.click(".fold .card-header")
+    screen.fill("numerics-max_points", "15")
+    first = screen.column("diagram", "points", "of").index("branch1")
+    screen.click_at("diagram", *[screen.column("diagram", "points", axis)[first] for axis in "xy"])
+    screen.until("selected", "branch1 point 0")
+    screen.page.click(".extend")
+    screen.wait("branch2")
+    title = screen.page.get_attribute(".result-branch2 .result", "title")
+    assert "directions='down', steps=saltus.StepControl(max_points=15)" in title
+    assert screen.errors == []
