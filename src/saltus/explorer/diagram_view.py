@@ -12,6 +12,7 @@ import numpy as np
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.drawing import Drawn, default_axes, drawn, quantities_of
+from saltus.explorer.following import followed_axes, told_where_fixed, varied_of
 from saltus.explorer.steps import Place
 from saltus.plotting import style
 
@@ -26,6 +27,7 @@ _COLUMNS = {
     "points": ("x", "y", "of", "index", "told"),
     **dict.fromkeys(("alone", "dots", "chosen"), ("x", "y")),
 }
+_UPON = {"x": "to the right", "y": "upwards"}  # what the field of an axis is called
 _SEEN = ("marks", "points", "dots")  # what is seen besides curves
 _REACH = 24.0  # pixels from a click within which a solution is selected
 _BONUS = 8.0  # pixels by which a special point counts as nearer
@@ -65,10 +67,13 @@ class DiagramView:
         self.redraw()
 
     def _axis(self, letter: str, names: list[str], value: str) -> Any:
-        tip = {"x": "to the right", "y": "upwards"}[letter]
-        widget = widgets.quantity(tip, names, value, 180, f"axis-{letter}")
-        widgets.on_change(widget, lambda _: self._axes_changed())
+        widget = widgets.quantity(self._title(letter), names, value, 180, f"axis-{letter}")
+        widgets.on_change(widget, lambda name: self._chosen(letter, name))
         return widget
+
+    def _title(self, letter: str) -> str:
+        """Return what stands above the field of an axis."""
+        return _UPON[letter] + (", fixed" if letter in self._session.settings.fixed else "")
 
     def _draw_glyphs(self) -> None:
         from bokeh.models import HoverTool
@@ -113,16 +118,42 @@ class DiagramView:
     def set_axes(self, x: str, y: str) -> None:
         """Show other quantities when the diagram is drawn next."""
         self._session.settings.axes = (x, y)
-        for widget, name in zip(self._axes, (x, y), strict=True):
+        for letter, widget, name in zip("xy", self._axes, (x, y), strict=True):
             if name not in widget.options:
                 widget.options = [*widget.options, name]
-            widget.value = name
+            widget.value, widget.name = name, self._title(letter)
+
+    def follow(self, result: Any) -> None:
+        """Show what a result goes along, on axes that the user has not fixed, when the diagram is drawn next."""
+        settings = self._session.settings
+        x, y = settings.axes
+        self.set_axes(*followed_axes(result, (x, y), settings.fixed, self._session.system))
+        if told := told_where_fixed(result, self.axes, settings.fixed):
+            self._tell(told)
+
+    def follow_newest(self) -> None:
+        """Follow the newest of the results that are drawn."""
+        entries, hidden = self._session.entries, self._session.settings.hidden
+        seen = [entry.result for entry in entries if entry.name not in hidden and varied_of(entry.result)]
+        if seen:
+            self.follow(seen[-1])
+        else:
+            self.set_axes(*self._session.settings.axes)
+
+    def _chosen(self, letter: str, name: str) -> None:
+        """Fix an axis at what the user has chosen; emptied, it follows the results again."""
+        settings, number = self._session.settings, "xy".index(letter)
+        if name == settings.axes[number]:
+            return
+        if name:
+            settings.fixed.add(letter)
+            self.set_axes(*(name if i == number else axis for i, axis in enumerate(settings.axes)))
+        else:
+            settings.fixed.discard(letter)
+            self.follow_newest()
+        self._axes_changed()
 
     def _axes_changed(self) -> None:
-        before, now = self._session.settings.axes, self.axes
-        if now == before or not all(now):
-            return
-        self._session.settings.axes = now
         self.redraw()
         if self._session.entries and len(self.unseen) == len(self._session.entries):
             self._tell(next(iter(self.unseen.values())))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from html import escape
 from io import BytesIO
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
 from saltus.explorer.solutions import observable_of, traits_of
-from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
+from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Move, Place, Step, taken
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry
@@ -60,8 +61,8 @@ class Page(Listener):
         self.orbit.tabs.append(("Basins", self.basins.panel))
         self._film = widgets.film()
         self.parameters = ParameterView(self.session, self._settings_changed)
-        self.starts = StartView(self.session, self.run, self._observed)
-        self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films)
+        self.starts = StartView(self.session, self.run, self._observed, self._line)
+        self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films, self._line)
         self.list = ListView(self.session, self._hidden_changed)
         self._file = widgets.upload("open-session")
         widgets.on_change(self._file, lambda content: self._open(content, uploaded))
@@ -166,6 +167,7 @@ class Page(Listener):
 
     def _undo(self) -> None:
         if self.session.undo() is not None:
+            self.diagram.follow_newest()
             self._show_all()
 
     def _settings_changed(self) -> None:
@@ -185,6 +187,9 @@ class Page(Listener):
         """Find attractors about the plane, then map it coarsely, then finely."""
         if len(free) < 2:
             self._line("a plane needs two different states")
+            return
+        if empty := [name for name, ends in free.items() if any(map(isnan, ends))]:
+            self._line(f"an end of the range of {empty[0]} is empty: it must be a number")
             return
         solution = self._selected()
         own = self.session.system.parameters
@@ -244,9 +249,7 @@ class Page(Listener):
 
     def added(self, entry: Entry) -> None:
         """Show a result that has come."""
-        if isinstance(entry.step, Follow):
-            x, y = entry.step.parameters
-            self.diagram.set_axes(x, y)
+        self.diagram.follow(entry.result)
         if entry.step.noun in ("orbit", "equilibrium"):
             self.session.settings.selected = Place(of=entry.name)
         self._show_all()
