@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.companion import Companion
 from saltus.errors import SaltusError
-from saltus.explorer.tasks import Outcome, prepare, take, warm
+from saltus.explorer.tasks import Outcome, normal_forms, prepare, take, warm
 
 if TYPE_CHECKING:
     from saltus.explorer.application import Application
@@ -25,8 +25,8 @@ class Job:
     """A piece of work under way."""
 
     what: str  # what is done, in words
-    step: Step | None = None  # the step; None for a film
-    done: Callable[[Any], None] | None = None  # called with the entry of a step, or the path of a film
+    step: Step | None = None  # the step; None for a film or normal forms
+    done: Callable[[Any], None] | None = None  # called with the entry of a step, or what else has come
     replaces: str = ""  # name of a result that this one replaces
 
 
@@ -102,6 +102,10 @@ class Desk:
         """Film an orbit into the session's folder."""
         path = self.session.folder / "film.gif"
         self._hand_over(Job("film", None, done), self.application.film, orbit, str(path))
+
+    def normal_forms(self, result: Any, done: Callable[[dict[str, str]], None]) -> None:
+        """Compute the normal forms of a curve's special points, in words by label."""
+        self._hand_over(Job("normal forms", None, done), normal_forms, result)
 
     def warm(self) -> None:
         """Let the companion load what basins need, as long as nothing else is wanted."""

@@ -19,8 +19,11 @@ from saltus.explorer.list_view import ListView
 from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
+from saltus.explorer.point_view import PointView
 from saltus.explorer.solutions import observable_of, traits_of
+from saltus.explorer.stepping import stepped
 from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Move, Place, Step, taken
+from saltus.explorer.wishes import Wishes
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry
@@ -59,11 +62,17 @@ class Page(Listener):
         self.orbit = OrbitView(self.session, self._line, desk.application.readings)
         self.basins = BasinView(self.session, self._map, self._follow_cell)
         self.orbit.tabs.append(("Basins", self.basins.panel))
-        self._film = widgets.film()
         self.parameters = ParameterView(self.session, self._settings_changed)
         self.starts = StartView(self.session, self.run, self._observed, self._line)
         self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films, self._line)
         self.list = ListView(self.session, self._hidden_changed)
+        self.points = PointView(self.session, self._forms_wanted)
+        self._film = widgets.film()
+        self._tabs = widgets.tabs(**{"Results": self.list.panel, "Special points": self.points.panel})
+        widgets.on_change(self._tabs, lambda active: self.points.seen() if active == 1 else None, "active")
+        self.wishes = Wishes(self.diagram.figure)
+        for kind, work in self._works().items():
+            self.wishes.on(kind, work)
         self._file = widgets.upload("open-session")
         widgets.on_change(self._file, lambda content: self._open(content, uploaded))
         self.undo = widgets.button("Undo", "undo", tip="drop the last result")
@@ -79,7 +88,7 @@ class Page(Listener):
     def parts(self) -> dict[str, Any]:
         """Return the parts of the page by the name of their place."""
         return {
-            "tools": widgets.beside(self.undo, *self._downloads()),
+            "tools": widgets.row(self.undo, *self._downloads(), wrap=True),
             "controls": widgets.column(
                 self.starts.panel,
                 self.parameters.panel,
@@ -87,9 +96,9 @@ class Page(Listener):
                 self._file,
             ),
             "diagram": self.diagram.panel,
-            "results": widgets.column(self.actions.panel, self.list.panel),
+            "results": widgets.column(self.actions.panel, self._tabs),
             "orbit": self.orbit.panel,
-            "status": widgets.beside(self._stop, self._bar, self._work, self._message),
+            "status": widgets.row(self._stop, self._bar, self._work, self._message, wrap=True),
         }
 
     def _downloads(self) -> list[Any]:
@@ -164,9 +173,38 @@ class Page(Listener):
         self.session.settings.selected = place
         self.diagram.mark_chosen()
         self._show_selected()
+        self.points.show()
+
+    def _works(self) -> dict[str, Callable[..., None]]:
+        """Return what keys, and buttons in tables and lists, ask for."""
+        return {
+            "take": lambda of, label: self._take(Place(of=of, label=label)),
+            "close": self.diagram.marks.close,
+            "name": self.diagram.name_marks_anew,
+            "sort": self.points.sort,
+            "step": lambda count, special: self._step(int(count), special=bool(special)),
+        }
+
+    def _take(self, place: Place) -> None:
+        self.diagram.marks.close()
+        if place.of in self.session.results:
+            self.select(place)
+
+    def _step(self, count: int, *, special: bool) -> None:
+        """Go along the branch on which the selected solution is."""
+        hidden = self.session.settings.hidden
+        seen = {name: result for name, result in self.session.results.items() if name not in hidden}
+        place = stepped(self.session.settings.selected, count, seen, special=special)
+        if place is not None and place != self.session.settings.selected:
+            self._take(place)
+
+    def _forms_wanted(self, name: str, done: Callable[[dict[str, str]], None]) -> None:
+        self.desk.normal_forms(self.session.results[name], done)
+        self.attend()
 
     def _undo(self) -> None:
-        if self.session.undo() is not None:
+        if (dropped := self.session.undo()) is not None:
+            self.points.forget(dropped.name)
             self.diagram.follow_newest()
             self._show_all()
 
@@ -240,10 +278,10 @@ class Page(Listener):
         self.attend()
 
     def _filmed(self, path: Path) -> None:
-        if self._film not in [*self.orbit.tabs]:
-            self.orbit.tabs.append(("Film", self._film))
-        self._film.object = path.read_bytes()
-        self.orbit.tabs.active = [*self.orbit.tabs].index(self._film)
+        self._film[0].object = path.read_bytes()
+        if self._film not in [*self._tabs]:
+            self._tabs.append(("Film", self._film))
+        self._tabs.active = [*self._tabs].index(self._film)
 
     # ---- what the desk tells ----
 
@@ -293,6 +331,7 @@ class Page(Listener):
     def _show_all(self) -> None:
         self.diagram.redraw()
         self.list.show(self.diagram.colour, self.diagram.unseen)
+        self.points.show()
         self.undo.disabled = not self.session.entries
         self._show_selected()
         self._tell_script()
