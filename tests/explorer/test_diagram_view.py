@@ -5,6 +5,7 @@ import pytest
 
 from saltus.explorer import colours
 from saltus.explorer.diagram_view import DiagramView
+from saltus.explorer.drawing import Drawn
 from saltus.explorer.steps import Place
 from saltus.plotting import style
 
@@ -176,6 +177,7 @@ def test_names_of_marks_that_are_close_share_a_place(view):
         "of": ["branch1"] * 6,
     } | {key: [""] * 6 for key in ("label", "align", "aside", "below")}
     view.figure.x_range.update(start=0.0, end=2.0)
+    view.figure.y_range.update(start=-1.0, end=1.0)
     view._name_marks(marks)
     assert marks["label"] == ["SN1, SN2, SN3, SN4, SN5", "", "", "", "", "PD1"]
     marks |= {"x": [0.0] * 5 + [1.9], "of": ["branch1", "branch2"] * 3, "told": ["HB1", "HB1", *"abcd"]}
@@ -222,7 +224,15 @@ def test_dots_of_a_sweep_are_larger_than_a_curve_is_wide_and_have_its_colour(vie
     view.redraw()
     dots, number = data(view, "dots"), [entry.name for entry in session.entries].index("sweep1")
     assert set(dots["colour"]) == {view.colour(number)}
-    assert min(dots["size"]) > max(data(view, "strands")["width"])
+    assert min(dots["size"]) > 2.0 * max(data(view, "strands")["width"])
+
+
+def test_many_dots_above_each_other_are_small(empty, chosen, lines, taken_steps, monkeypatch):
+    x, y = np.repeat([1.0, 2.0], 40), np.r_[np.linspace(0.0, 1.0, 40), np.tile([0.25, 0.5], 20)]
+    monkeypatch.setattr("saltus.explorer.diagram_view.drawn", lambda result, axes: Drawn(dots=np.column_stack([x, y])))
+    empty.add(taken_steps[0]["sweep1"], taken_steps[1]["sweep1"])
+    sizes = data(DiagramView(empty, chosen.append, lines.append), "dots")["size"]
+    assert (set(sizes[:40]), set(sizes[40:])) == ({2.5}, {5.5})
 
 
 def test_an_axis_is_fixed_by_the_user_and_freed_where_it_is_emptied(view, session, taken_steps):

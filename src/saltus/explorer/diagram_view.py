@@ -12,10 +12,10 @@ import numpy as np
 from saltus.errors import SaltusError
 from saltus.explorer import colours, look, widgets
 from saltus.explorer.drawing import Drawn, default_axes, drawn, quantities_of
+from saltus.explorer.figures.pointer import TOGETHER, tell_at_pointer
 from saltus.explorer.following import followed_axes, told_where_fixed, varied_of
-from saltus.explorer.label_places import places_beside
-from saltus.explorer.mark_list import Coincident, MarkList
-from saltus.explorer.pointer import TOGETHER, tell_at_pointer
+from saltus.explorer.points.label_places import places_beside
+from saltus.explorer.points.mark_list import Coincident, MarkList
 from saltus.explorer.steps import Place
 from saltus.plotting import style
 
@@ -57,6 +57,7 @@ _MOST_TOGETHER = 30  # characters of labels that are written in one place
 _DOT = 5.5  # pixels of a dot of a sweep where few are above each other: more than a curve's width, to be seen beneath
 _SMALL_DOT = 2.5  # pixels where there are many
 _FEW = 16  # dots above each other that are few
+_LEVELS = 500  # heights over the extent of a sweep that are told apart when dots are counted
 
 
 class DiagramView:
@@ -87,7 +88,7 @@ class DiagramView:
         self._axes = [self._axis(letter, names, axis) for letter, axis in zip("xy", axes, strict=True)]
         self.figure.on_event(Tap, lambda event: self._clicked(event.x, event.y, (event.sx, event.sy)))
         self.figure.on_event(RangesUpdate, lambda _: self.name_marks_anew())
-        self.figure.on_change("inner_width", lambda *_: self.name_marks_anew())
+        self.figure.on_change("inner_width", lambda attr, old, new: self.name_marks_anew())
         self.marks = MarkList()
         shown = widgets.column(widgets.pane(self.figure, high=True), self.marks.panel, name="over", high=True)
         self.panel = widgets.column(widgets.row(*self._axes, wrap=True), shown, high=True)
@@ -348,8 +349,10 @@ def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colo
         _append(columns["points"], row)
     if len(found.dots):
         x, y = found.dots.T
-        _, inverse, counts = np.unique(x, return_inverse=True, return_counts=True)
-        sizes = np.where(counts[inverse] <= _FEW, _DOT, _SMALL_DOT)
+        levels = np.round(_LEVELS * (y - y.min()) / (float(np.ptp(y)) or 1.0))
+        spots = np.unique(np.column_stack([x, levels]), axis=0)  # a periodic motion has the same points again and again
+        where, counts = np.unique(spots[:, 0], return_counts=True)
+        sizes = np.where(counts[np.searchsorted(where, x)] <= _FEW, _DOT, _SMALL_DOT)
         row = {"x": x.tolist(), "y": y.tolist(), "colour": [colour] * len(x), "size": sizes.tolist()}
         for key, values in row.items():
             columns["dots"][key] += values

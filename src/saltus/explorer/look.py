@@ -16,6 +16,7 @@ from saltus.plotting import style
 
 if TYPE_CHECKING:
     from bokeh.plotting import figure
+    from numpy.typing import NDArray
 
     from saltus.system import HybridSystem
 
@@ -104,7 +105,7 @@ def fit(made: figure, x: Sequence[float], y: Sequence[float], margin: float = _M
             axis.update(start=ends[0], end=ends[1], reset_start=ends[0], reset_end=ends[1])
 
 
-def ends_of(values: Sequence[float], margin: float = _MARGIN) -> tuple[float, float] | None:
+def ends_of(values: Sequence[float] | NDArray[np.float64], margin: float = _MARGIN) -> tuple[float, float] | None:
     """Return the ends of an axis that shows values, with room at both; None where there is no finite value.
 
     Few values that are far from all others, as where a branch goes to infinity, are left outside.

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.colours import INK
-from saltus.explorer.pointer import tell_at_pointer
+from saltus.explorer.figures.pointer import tell_at_pointer
+from saltus.explorer.figures.spectrum_view import SpectrumView
 from saltus.explorer.solutions import path_of, readings_of, traits_of
-from saltus.explorer.spectrum_view import SpectrumView
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -19,11 +19,11 @@ from saltus.explorer.list_view import ListView
 from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
-from saltus.explorer.point_view import PointView
+from saltus.explorer.points.stepping import stepped
+from saltus.explorer.points.view import PointView
+from saltus.explorer.points.wishes import Wishes
 from saltus.explorer.solutions import observable_of, traits_of
-from saltus.explorer.stepping import stepped
 from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Move, Place, Step, taken
-from saltus.explorer.wishes import Wishes
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry

@@ -6,6 +6,8 @@ from contextlib import suppress
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import look
 from saltus.explorer.colours import FAULTY, INK, colour_of, form_of
@@ -59,8 +61,8 @@ def picture_of(session: Session, kind: str) -> BytesIO:
     if not named.results:
         raise InputError("axes", f"{x}, {y}", "with a branch, a locus or a sweep to draw")
     ax.set(xlabel=style.label_of(x), ylabel=style.label_of(y))
-    ends = [look.ends_of([v for line in ax.lines for v in line.get_data()[i]]) for i in range(2)]
-    ax.set(xlim=ends[0], ylim=ends[1])
+    drawn_x, drawn_y = (np.concatenate([np.ravel(line.get_data()[i]) for line in ax.lines]) for i in range(2))
+    ax.set(xlim=look.ends_of(drawn_x), ylim=look.ends_of(drawn_y))
     legend = {name: handle for part in named for name, handle in part.items()}
     figure.legend(
         [*legend.values()], [*legend], loc="outside right upper", frameon=False, fontsize="small", handlelength=2.6
@@ -76,8 +78,14 @@ def _draw(ax: Axes, found: Drawn, name: str, colour: str, named: _Named) -> None
     from matplotlib.lines import Line2D
 
     if len(found.dots):
-        dots = {"linestyle": "none", "marker": "o", "color": colour, "markersize": 3.4, "markeredgewidth": 0.0}
-        ax.plot(*found.dots.T, alpha=0.5, zorder=1, **dots)
+        dots: dict[str, Any] = {
+            "linestyle": "none",
+            "marker": "o",
+            "color": colour,
+            "markersize": 3.4,
+            "markeredgewidth": 0.0,
+        }
+        ax.plot(*found.dots.T, alpha=0.5, zorder=1, markeredgewidth=0.0, **dots)
         named.results[name] = Line2D([], [], **dots)
     for strand in found.strands:
         sound = strand.kind not in style.FAULTY

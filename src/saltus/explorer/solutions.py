@@ -11,9 +11,9 @@ import numpy as np
 
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
-from saltus.explorer.nearby import linear_motions
 from saltus.flow import Trajectory
 from saltus.orbits import PeriodicOrbit
+from saltus.plotting.linear_motions import linear_motions
 from saltus.plotting.orbit import segments_of, unwrapped_parts
 from saltus.plotting.trajectory import flights_of
 from saltus.solution import Solution

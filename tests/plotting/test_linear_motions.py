@@ -5,11 +5,18 @@ import pytest
 from scipy.linalg import expm
 
 import saltus
-from saltus.explorer.nearby import linear_motions
+from saltus.plotting.linear_motions import linear_motions
 
 
-def test_motions_are_those_of_the_matrix_exponential(rests):
-    rest = rests[1]["equilibrium1"]
+@pytest.fixture
+def rest_at_focus():
+    """Return the equilibrium of a chemical oscillator, a stable focus."""
+    field = {"x": "A - (B + 1)*x + x**2*y", "y": "B*x - x**2*y"}
+    return saltus.find_equilibrium(saltus.HybridSystem.smooth(field, {"A": 1.0, "B": 1.5}), x0=[1.0, 1.5])
+
+
+def test_motions_are_those_of_the_matrix_exponential(rest_at_focus):
+    rest = rest_at_focus
     over_time = [linear_motions(rest, ("t", name)) for name in ("x", "y")]
     assert [len(found) for found in over_time] == [2, 2]
     B, A = 1.5, 1.0
@@ -42,9 +49,9 @@ def test_motions_about_a_saddle_stay_near():
         assert product == pytest.approx(np.full(len(curve), product[0]), abs=1e-12)
 
 
-def test_what_is_no_state_has_no_motions(rests):
-    assert linear_motions(rests[1]["equilibrium1"], ("x", "x*y")) == []
-    assert linear_motions(rests[1]["equilibrium1"], ("t", "t")) == []
+def test_what_is_no_state_has_no_motions(rest_at_focus):
+    assert linear_motions(rest_at_focus, ("x", "x*y")) == []
+    assert linear_motions(rest_at_focus, ("t", "t")) == []
 
 
 def test_a_jacobian_without_a_basis_of_eigenvectors_is_left_out():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from saltus.explorer.point_view import PointView
+from saltus.explorer.points.view import PointView
 
 pytestmark = pytest.mark.usefixtures("heard")
 

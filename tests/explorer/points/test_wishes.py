@@ -3,7 +3,7 @@
 from html import unescape
 
 from saltus.explorer.look import figure_of
-from saltus.explorer.wishes import Wishes, wish
+from saltus.explorer.points.wishes import Wishes, wish
 
 
 def test_what_is_asked_for_is_done_and_what_nobody_knows_is_left_out():

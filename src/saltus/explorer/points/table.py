@@ -10,8 +10,8 @@ from saltus.continuation.results.curve import SolutionCurve
 from saltus.errors import SaltusError
 from saltus.explorer import look
 from saltus.explorer.colours import form_of
+from saltus.explorer.points.wishes import wish
 from saltus.explorer.steps import Place
-from saltus.explorer.wishes import wish
 from saltus.plotting.space import coordinates_of
 
 __all__ = ["COLUMNS", "Row", "rows_of", "sorted_rows", "table_of", "text_of"]
@@ -150,7 +150,7 @@ def text_of(rows: Sequence[Row], axes: tuple[str, str]) -> str:
     >>> text_of([Row("branch1", "SN1", "SN", 3.5, 1.5, 0.25, "nondegenerate")], ("a", "max_z")).splitlines()[1]
     'branch1\tSN1\tsaddle-node\t1.5\t0.25\tnondegenerate'
     """
-    lines = [("result", "point", "meaning", *axes, "normal form")]
+    lines: list[tuple[str, ...]] = [("result", "point", "meaning", *axes, "normal form")]
     lines += [
         (row.of, row.label, form_of(row.type).meaning, *("" if v != v else repr(v) for v in (row.x, row.y)), row.form)
         for row in rows

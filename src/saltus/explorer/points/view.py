@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 from saltus.explorer import widgets
-from saltus.explorer.point_table import COLUMNS, Row, rows_of, sorted_rows, table_of, text_of
+from saltus.explorer.points.table import COLUMNS, Row, rows_of, sorted_rows, table_of, text_of
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Session
@@ -71,11 +72,11 @@ class PointView:
         wanted = {row.of for row in self._rows()} - self._asked
         self._asked |= wanted
         for name in sorted(wanted):
-            result = self._session.results[name]
-            self._forms_of(name, lambda forms, name=name, result=result: self._take(name, result, forms))
+            self._forms_of(name, partial(self._take, name, self._session.results[name]))
 
     def _take(self, name: str, result: Any, forms: dict[str, str]) -> None:
-        if self._session.results.get(name) is result:  # it was not dropped meanwhile
+        """Take the normal forms of a result, unless it was dropped meanwhile."""
+        if self._session.results.get(name) is result:
             self._forms |= {(name, label): told for label, told in forms.items()}
             self.show()
 

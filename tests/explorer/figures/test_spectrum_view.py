@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from saltus.explorer.figures.spectrum_view import SpectrumView, far_from
 from saltus.explorer.solutions import Traits, traits_of
-from saltus.explorer.spectrum_view import SpectrumView, far_from
 
 pytestmark = pytest.mark.usefixtures("heard")
 

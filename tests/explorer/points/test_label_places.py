@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from saltus.explorer.label_places import Beside, places_beside
+from saltus.explorer.points.label_places import Beside, places_beside
 
 SIZE = (400.0, 300.0)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from saltus.explorer import look, widgets
 from saltus.explorer.colours import CHOSEN, INK
-from saltus.explorer.pointer import tell_at_pointer
+from saltus.explorer.figures.pointer import tell_at_pointer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,6 +1,6 @@
 """The list of special points at one place."""
 
-from saltus.explorer.mark_list import Coincident, MarkList
+from saltus.explorer.points.mark_list import Coincident, MarkList
 
 MARKS = [Coincident("branch1", "PD1", "period doubling", "#112233"), Coincident("branch2", "BP1", "<b>", "#445566")]
 

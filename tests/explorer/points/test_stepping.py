@@ -2,7 +2,7 @@
 
 import pytest
 
-from saltus.explorer.stepping import stepped
+from saltus.explorer.points.stepping import stepped
 from saltus.explorer.steps import Place
 
 

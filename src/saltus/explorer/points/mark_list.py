@@ -7,7 +7,7 @@ from html import escape
 from typing import Any, NamedTuple
 
 from saltus.explorer import widgets
-from saltus.explorer.wishes import wish
+from saltus.explorer.points.wishes import wish
 
 __all__ = ["Coincident", "MarkList"]
 
@@ -28,7 +28,7 @@ class MarkList:
     """The list, closed at first."""
 
     def __init__(self) -> None:
-        self.panel = widgets.html("mark-list", "", 0)
+        self.panel = widgets.html("mark-list", "", (0, 0))
         self.panel.visible = False
 
     def open(self, marks: Sequence[Coincident], chosen: tuple[str, str], place: tuple[float, float] | None) -> None:

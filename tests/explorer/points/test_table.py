@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from saltus.explorer.point_table import COLUMNS, Row, rows_of, sorted_rows, table_of, text_of
+from saltus.explorer.points.table import COLUMNS, Row, rows_of, sorted_rows, table_of, text_of
 from saltus.explorer.steps import Place
 
 ROWS = [
