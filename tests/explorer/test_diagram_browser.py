@@ -27,6 +27,7 @@ _CUT = """() => {
   const found = []
   const look = root => {
     for (const node of root.querySelectorAll('*')) {
+      if (node.closest('.scroll') != null && !node.classList.contains('scroll')) continue // it is scrolled to
       const box = node.getBoundingClientRect()
       const drawn = box.width > 0 && getComputedStyle(node).visibility != 'hidden'
       if (drawn && box.right > innerWidth + 1 && !['STYLE', 'SCRIPT', 'LINK'].includes(node.tagName))

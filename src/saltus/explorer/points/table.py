@@ -112,7 +112,9 @@ def table_of(rows: Sequence[Row], axes: tuple[str, str], column: str, selected: 
     heads = dict(zip(COLUMNS, (*COLUMNS[:3], *map(look.bare_label, axes), COLUMNS[-1]), strict=True))
     top = "".join(_head(name, told, column) for name, told in heads.items())
     lines = "".join(_line(row, selected) for row in rows)
-    return f'<table class="points"><thead><tr>{top}</tr></thead><tbody>{lines}</tbody></table>'
+    return (
+        f'<div class="scroll"><table class="points"><thead><tr>{top}</tr></thead><tbody>{lines}</tbody></table></div>'
+    )
 
 
 def _head(name: str, told: str, column: str) -> str:
