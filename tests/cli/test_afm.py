@@ -533,7 +533,7 @@ def test_data_of_another_origin_leave_with_exit_code_3_and_say_why(measured, lev
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("vary", "vray", r"key = 'vray': must be one of vary, .*, max_evaluations, priors in \[fit\]; did you mean 'vary'\?"),
+        ("vary", "vray", r"key = 'vray': must be one of vary, .*, priors in \[fit\]; did you mean 'vary'\?"),
         ("vary = {H_aJ", "vary = {H_aj", r"vary = 'H_aj': must be .*; did you mean 'H_aJ'\?"),
         ("start = {H_aJ = 0.15}", "start = {E_GPa = 1.0}", "start = 'E_GPa': must be one of H_aJ"),
         ("[0.01, 1.0]", "[1.0, 0.01]", r"fit.vary.H_aJ = \[1.0, 0.01\]: must be two finite numbers, the lower first"),

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from saltus.explorer import look
+from saltus.explorer import colours
 from saltus.explorer.diagram_view import DiagramView
+from saltus.explorer.drawing import Drawn
 from saltus.explorer.steps import Place
 from saltus.plotting import style
 
@@ -54,17 +55,18 @@ def test_every_point_of_a_branch_can_be_taken(view, session):
 def test_strands_have_the_colour_of_their_result_and_a_dash_for_their_kind(view, session):
     strands = data(view, "strands")
     number = [entry.name for entry in session.entries].index("branch1")
-    colours = {colour for colour, name in zip(strands["colour"], strands["name"], strict=True) if name == "branch1"}
-    assert colours <= {look.CURVES[number], "#999999"}
+    found = {colour for colour, name in zip(strands["colour"], strands["name"], strict=True) if name == "branch1"}
+    assert found <= {colours.CURVES[number], colours.FAULTY}
     locus = {colour for colour, name in zip(strands["colour"], strands["name"], strict=True) if name == "locus1"}
-    assert locus <= {style.SPECIAL["SN"].colour, "#999999"}
+    assert locus <= {style.SPECIAL["SN"].colour, colours.FAULTY}
+    assert view.colour(2) == style.SPECIAL["SN"].colour  # as the list of results has it
 
 
 def test_marks_have_the_form_of_the_pictures(view, session):
-    marks, forms = data(view, "marks"), style.SPECIAL
-    for told, of, marker, colour in zip(*(marks[key] for key in ("told", "of", "marker", "colour")), strict=True):
-        form = forms[session.results[of][told].type]
-        assert (marker, colour) == (look.MARKERS[form.marker], form.colour)
+    marks, keys = data(view, "marks"), ("told", "of", "marker", "angle", "colour")
+    for told, of, *drawn in zip(*(marks[key] for key in keys), strict=True):
+        form = colours.form_of(session.results[of][told].type)
+        assert drawn == [*colours.MARKERS[form.marker], form.colour]
 
 
 def test_a_sweep_is_dots_and_a_motion_is_nothing(view, session):
@@ -172,14 +174,90 @@ def test_names_of_marks_that_are_close_share_a_place(view):
         "x": [0.0, 1e-9, 0.0, 0.0, 2e-9, 1.0],
         "y": [0.0] * 6,
         "told": ["SN1", "SN2", "SN3", "SN4", "SN5", "PD1"],
-        "label": [""] * 6,
-    }
+        "of": ["branch1"] * 6,
+    } | {key: [""] * 6 for key in ("label", "align", "aside", "below")}
+    view.figure.x_range.update(start=0.0, end=2.0)
+    view.figure.y_range.update(start=-1.0, end=1.0)
     view._name_marks(marks)
-    assert marks["label"] == ["SN1 + 4", "", "", "", "", "PD1"]
-    two = {"x": [0.0, 0.0], "y": [0.0, 0.0], "told": ["SN1", "PD1"], "label": ["", ""]}
-    view._name_marks(two)
-    assert two["label"] == ["SN1 PD1", ""]
+    assert marks["label"] == ["SN1, SN2, SN3, SN4, SN5", "", "", "", "", "PD1"]
+    marks |= {"x": [0.0] * 5 + [1.9], "of": ["branch1", "branch2"] * 3, "told": ["HB1", "HB1", *"abcd"]}
+    view._name_marks(marks)
+    assert marks["label"][0] == "branch1 HB1 + 4"  # the branch is named where two have the same label
+    assert marks["label"][5] == "d"
+    assert marks["align"][5] == "left"
+    marks |= {"x": [0.0] * 5 + [1.999], "label": [""] * 6}
+    view._name_marks(marks)
+    assert (marks["align"][5], marks["aside"][5]) == ("right", -8.0)  # else the frame would cut it
 
 
-def test_colours_begin_again(view):
-    assert view.colour(0) == view.colour(len(look.CURVES)) != view.colour(1)
+@pytest.fixture
+def crossing(still, chosen, lines) -> DiagramView:
+    """Return the diagram of equilibria and of the cycles that are born from them, at HB1 of both branches."""
+    still.settings.axes = ("B", "max_x")
+    return DiagramView(still, chosen.append, lines.append)
+
+
+def test_special_points_of_two_branches_that_coincide_can_be_chosen(crossing, chosen):
+    at = place_of(crossing, "marks", 0)
+    assert data(crossing, "marks")["told"] == ["HB1", "HB1"]
+    assert data(crossing, "marks")["label"] == ["branch1 HB1, branch2 HB1", ""]
+    crossing._clicked(*at, (300.0, 200.0))
+    assert chosen == [Place(of="branch1", label="HB1")]
+    assert crossing.marks.panel.visible
+    told = crossing.marks.panel.object
+    assert told.count("<li>") == 2
+    assert "2 points at one place" in told
+    assert "<b>branch2 HB1</b> Hopf point" in told
+    crossing._clicked(at[0] + 100.0, at[1])
+    assert not crossing.marks.panel.visible
+
+
+def test_a_mark_alone_opens_no_list(view, chosen):
+    number = data(view, "marks")["told"].index("PD1")
+    view._clicked(*place_of(view, "marks", number))
+    assert chosen == [Place(of="branch1", label="PD1")]
+    assert not view.marks.panel.visible
+
+
+def test_dots_of_a_sweep_are_larger_than_a_curve_is_wide_and_have_its_colour(view, session):
+    view.set_axes("a", "z")
+    view.redraw()
+    dots, number = data(view, "dots"), [entry.name for entry in session.entries].index("sweep1")
+    assert set(dots["colour"]) == {view.colour(number)}
+    assert min(dots["size"]) > 2.0 * max(data(view, "strands")["width"])
+
+
+def test_many_dots_above_each_other_are_small(empty, chosen, lines, taken_steps, monkeypatch):
+    x, y = np.repeat([1.0, 2.0], 40), np.r_[np.linspace(0.0, 1.0, 40), np.tile([0.25, 0.5], 20)]
+    monkeypatch.setattr("saltus.explorer.diagram_view.drawn", lambda result, axes: Drawn(dots=np.column_stack([x, y])))
+    empty.add(taken_steps[0]["sweep1"], taken_steps[1]["sweep1"])
+    sizes = data(DiagramView(empty, chosen.append, lines.append), "dots")["size"]
+    assert (set(sizes[:40]), set(sizes[40:])) == ({2.5}, {5.5})
+
+
+def test_an_axis_is_fixed_by_the_user_and_freed_where_it_is_emptied(view, session, taken_steps):
+    branch = taken_steps[1]["branch1"]
+    view.set_axes("g", "max_z")
+    assert session.settings.fixed == set()
+    view.follow(branch)
+    assert view.axes == ("a", "max_z")
+    view._axes[0].value = "g"
+    assert session.settings.fixed == {"x"}
+    assert view._axes[0].name == "to the right, fixed"
+    view.follow(branch)
+    assert view.axes == ("g", "max_z")
+    view._axes[0].value = ""
+    assert session.settings.fixed == set()
+    assert view.axes == ("a", "z")  # of the newest result, a sweep
+    assert view._axes[0].name == "to the right"
+
+
+def test_a_result_that_fixed_axes_do_not_show_is_told(view, session, taken_steps, lines):
+    view._axes[0].value = "g"
+    view.follow(taken_steps[1]["branch1"])
+    assert "goes along a" in lines[-1]
+
+
+def test_colours_begin_again(view, session):
+    session.entries[:] = session.entries[:2] * len(colours.CURVES)
+    assert view.colour(0) == view.colour(len(colours.CURVES)) != view.colour(1)

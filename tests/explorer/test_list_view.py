@@ -23,9 +23,10 @@ def test_a_line_tells_what_a_result_is_and_why_it_ended(session):
     assert "saltus.continue_orbit(orbit1, &#x27;a&#x27;, (0.9, 1.8))" in line
 
 
-def test_only_curves_have_a_colour(session):
-    coloured = [entry.name for entry in session.entries if "swatch" in line_of(entry, "#123456")]
-    assert coloured == ["branch1", "locus1", "sweep1"]
+def test_what_is_drawn_has_a_colour_round_where_it_is_dots(session):
+    lines = {entry.name: line_of(entry, "#123456") for entry in session.entries}
+    assert [name for name, line in lines.items() if "swatch" in line] == ["orbit1", "branch1", "locus1", "sweep1"]
+    assert [name for name, line in lines.items() if "swatch round" in line] == ["orbit1", "sweep1"]
 
 
 def test_notes_and_reasons_are_written_as_text(session):

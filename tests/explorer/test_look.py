@@ -6,12 +6,9 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+import saltus
 from saltus.explorer import look
 from saltus.plotting import style
-
-
-def test_every_marker_of_the_pictures_has_one_on_the_page():
-    assert {form.marker for form in (*style.SPECIAL.values(), style.EVENT)} <= set(look.MARKERS)
 
 
 def test_every_kind_of_curve_has_a_dash_and_faulty_ones_share_theirs():
@@ -97,3 +94,16 @@ def test_the_style_sheets_know_what_the_page_writes():
     inner = files("saltus.explorer").joinpath("widgets.css").read_text()
     assert all(f".{name}" in inner for name in ("swatch", "result", "hint"))
     assert ".status" in look.page_style()
+
+
+@pytest.mark.parametrize("value", [1e15, -4.2e7 + 0j, 12.5 - 3j, 0j])
+def test_numbers_in_a_figure_have_three_digits(value):
+    text = look.rounded_text(complex(value)).replace("−", "-")
+    assert complex(text.replace(" ", "").replace("i", "j")) == pytest.approx(value, rel=5e-3)
+    assert len(text) <= 14
+
+
+def test_time_has_the_unit_of_the_system_s_names(ball_on_table):
+    assert look.time_label("t", ball_on_table) == "t"
+    lever = saltus.HybridSystem.smooth({"z1_nm": "v1_nm_us", "v1_nm_us": "-z1_nm"})
+    assert [look.time_label(name, lever) for name in ("t", "period", "z1_nm")] == ["t (us)", "period (us)", "z₁ (nm)"]

@@ -25,44 +25,44 @@ def test_nothing_is_shown_where_nothing_is_selected(session, lines, toys):
     view = viewed(session, lines, toys)
     assert "click on a branch" in view.title.object
     assert view._sources["portrait"][0].data["xs"] == []
-    assert (view._values.data["x"], view._numbers.object, view._readings.object) == ([], "", "")
+    spectrum = view.spectrum
+    assert (spectrum.values.data["x"], spectrum.numbers.object, view._readings.object) == ([], "", "")
 
 
 def test_an_orbit_has_a_portrait_and_a_series(session, lines, toys):
     view = viewed(session, lines, toys, "orbit1")
     orbit = session.results["orbit1"]
-    curves, events = view._sources["series"]
+    curves, events, vertices = view._sources["series"]
     assert curves.data["mode"] == ["flight"] * len(curves.data["xs"])
     assert max(max(xs) for xs in curves.data["xs"]) == pytest.approx(orbit.period)
     assert len(events.data["x"]) == 1
+    assert vertices.data["tip"] == ["flight"] * sum(map(len, curves.data["xs"]))
     heights = np.concatenate(view._sources["portrait"][0].data["xs"])
     assert heights.max() == pytest.approx(orbit.max["z"], rel=1e-3)  # at 400 points
     assert view._portrait.x_range.start < heights.min() < heights.max() < view._portrait.x_range.end
     assert lines == []
 
 
-def test_multipliers_lie_about_the_unit_circle(session, lines, toys):
-    view = viewed(session, lines, toys, "orbit1")
-    found = session.results["orbit1"].multipliers
-    assert view._circle.title.text == "Floquet multipliers"
-    assert np.array_equal(view._values.data["x"], found.real)
-    assert view._circle.x_range.end == view._circle.y_range.end == -view._circle.x_range.start
-    assert view._numbers.object.count("|·|") == len(found)
-
-
-def test_an_equilibrium_is_a_dot_with_eigenvalues(still, lines, toys):
+def test_an_equilibrium_has_a_portrait_of_motions_about_it(still, lines, toys):
     view = viewed(still, lines, toys, "equilibrium1")
-    curves, places = view._sources["portrait"]
-    assert curves.data["xs"] == []
+    curves, places, _ = view._sources["portrait"]
     assert (places.data["x"], places.data["y"]) == (pytest.approx([1.0]), pytest.approx([1.5]))
-    assert view._circle.title.text == "Eigenvalues"
-    assert len(view._values.data["x"]) == 2
+    assert len(curves.data["xs"]) > 1
+    assert view._portrait.x_range.start < 0.95 < 1.05 < view._portrait.x_range.end
+    assert view._near.visible
+    assert view.spectrum.figure.title.text == "Eigenvalues"
+    assert len(view.spectrum.values.data["x"]) == 2
+    view.show(still.results["branch2"].solution(5), "")
+    assert not view._near.visible
+    view._axes[1].value = "x*y"
+    view.show(still.results["equilibrium1"], "")
+    assert "quantity = 'x*y': must be one of t, x, y for an equilibrium" in lines[-1]
 
 
 def test_a_motion_has_no_multipliers(session, lines, toys):
     view = viewed(session, lines, toys, "motion1")
-    assert view._values.data["x"] == []
-    assert view._circle.title.text == ""
+    assert view.spectrum.values.data["x"] == []
+    assert view.spectrum.figure.title.text == ""
     assert "z at the end" in view._readings.object
     assert len(view._sources["series"][1].data["x"]) == np.sum(session.results["motion1"].events["kind"] == "event")
 

@@ -18,6 +18,7 @@ class Paper(Desk):
         super().__init__(application, session)
         self.wanted: list[tuple] = []
         self.filmed: list = []
+        self.forms: list = []
         self.stops = self.kills = 0
         self.standing = Work()
 
@@ -37,6 +38,9 @@ class Paper(Desk):
 
     def film(self, orbit) -> None:
         self.filmed.append(orbit)
+
+    def normal_forms(self, result, done, by) -> None:
+        self.forms.append((result, done))
 
     def stop(self) -> None:
         self.stops += 1
@@ -163,8 +167,10 @@ def test_a_film_has_a_tab_of_its_own(page, session, tmp_path):
     path.write_bytes(b"GIF89a")
     for _ in range(2):
         page.filmed(path)
-    assert page.orbit.tabs._names.count("Film") == 1
-    assert page.orbit.tabs[page.orbit.tabs.active] is page._film
+    assert page._tabs._names.count("Film") == 1
+    assert page._tabs[page._tabs.active] is page._film
+    assert page._film[0].object == b"GIF89a"
+    assert page._film[0].width == 640  # that of the file: its texts are as large as they were drawn
 
 
 def test_work_is_stopped_and_at_a_second_click_ended(page):
@@ -247,3 +253,40 @@ def test_a_place_that_is_gone_is_told(page):
     page.session.settings.selected = Place(of="branch1", index=10**6)
     assert page._selected() is None
     assert page._message.object
+
+
+def test_keys_and_tables_ask_for_places_and_steps(page, session):
+    page.wishes.take(['["take", "branch1", "PD1"]'])
+    assert session.settings.selected == Place(of="branch1", label="PD1")
+    page.wishes.take(['["step", -1000000000, false]'])
+    assert session.settings.selected == Place(of="branch1", index=0)
+    page.wishes.take(['["step", 2, false]'])
+    assert session.settings.selected == Place(of="branch1", index=2)
+    page.wishes.take(['["take", "branch9", "PD1"]', '["close"]', '["name"]', '["sort", "x"]'])
+    assert session.settings.selected == Place(of="branch1", index=2)
+    session.settings.hidden.add("branch1")
+    page.wishes.take(['["step", 1, false]'])
+    assert session.settings.selected == Place(of="branch1", index=2)
+
+
+def test_normal_forms_are_computed_once_the_table_is_seen(page, session):
+    assert page.desk.forms == []
+    page._tabs.active = 1
+    results = {id(result) for result, _ in page.desk.forms}
+    assert id(session.results["branch1"]) in results
+    page.desk.forms[0][1]({"SN1": "nondegenerate"})
+    assert "nondegenerate" in page.points._table.object
+
+
+def test_axes_follow_what_is_left_after_undo(page, session, taken_steps):
+    steps, results = taken_steps
+    page.added(session.add(steps["branch1"], results["branch1"]))
+    page.diagram.set_axes("e", "a")
+    page._undo()
+    assert page.diagram.axes == ("a", "z")  # of the sweep
+
+
+def test_an_empty_end_of_a_plane_is_told(page):
+    page._map({"z": (float("nan"), 2.0), "v": (0.0, 1.0)}, {}, (50, 200))
+    assert "an end of the range of z is empty" in page._message.object
+    assert page.desk.wanted == []

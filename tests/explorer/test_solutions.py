@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import saltus
 from saltus.errors import InputError
 from saltus.explorer.solutions import observable_of, path_of, quantity_of, readings_of, traits_of
 
@@ -59,7 +60,7 @@ def test_a_path_over_the_phase_never_runs_backwards(results):
 
 def test_what_rests_is_one_place_at_time_0(rests):
     path = path_of(rests[1]["equilibrium1"], ("t", "y"))
-    assert (path.curves, path.modes) == ([], [])
+    assert path.modes == [0] * len(path.curves)
     assert path.events == pytest.approx(np.array([[0.0, 1.5]]))
 
 
@@ -124,3 +125,10 @@ def test_extremes_of_an_equilibrium_are_its_state(rests):
         assert quantity_of(rest, name) == rest["y"]
     with pytest.raises(InputError, match="axis = 'period'"):
         quantity_of(rest, "period")
+
+
+def test_a_mean_that_is_rounding_reads_0():
+    spring = saltus.HybridSystem.smooth({"x": "v", "v": "cos(s) - 4*x - 0.3*v"}, {"w": 1.0}, phase=("s", "w"))
+    told = readings_of(saltus.find_orbit(spring, x0=[0.3, 0.0]), nothing)
+    assert told["mean(x)"] == told["mean(v)"] == 0.0
+    assert told["max(x)"] == pytest.approx(1.0 / math.hypot(3.0, 0.3), rel=1e-9)

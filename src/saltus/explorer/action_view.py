@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from saltus.explorer import look, widgets
+from saltus.errors import InputError
+from saltus.explorer import widgets
 from saltus.explorer.choices import Choices, choices_at
-from saltus.explorer.parameter_view import range_of
+from saltus.explorer.range_field import RangeField
 from saltus.explorer.steps import (
     Cascade,
     Continue,
@@ -42,10 +43,16 @@ class StartView:
         Called with the `Step` to take.
     observables : callable
         Returns what a sweep should observe for the diagram's ordinate.
+    tell : callable
+        Called with an error's line.
     """
 
     def __init__(
-        self, session: Session, run: Callable[[Step], None], observables: Callable[[], tuple[str, ...]]
+        self,
+        session: Session,
+        run: Callable[[Step], None],
+        observables: Callable[[], tuple[str, ...]],
+        tell: Callable[[str], None],
     ) -> None:
         self._session, self._run, self._observables = session, run, observables
         orbit = widgets.button(
@@ -55,16 +62,14 @@ class StartView:
         rest = widgets.button("Find equilibrium", "find-equilibrium", tip="near the start")
         widgets.on_click(rest, lambda: run(FindEquilibrium(**self._given())))
         rest.visible = session.system.phase is None
-        names = list(session.system.parameter_names)
-        self._parameter = _select("sweep", names, 118)
-        self._ends = _ends(session, self._parameter)
+        self._range = RangeField(session, "sweep", 118)
         self._count = widgets.count("values", 200, 76, (2, 10_000), "sweep-values")
-        self._direction = _select("direction", ["up", "down"], 76)
+        self._direction = widgets.choice("direction", ["up", "down"], "up", 76, "select-direction")
         sweep = widgets.button("Sweep", "sweep", tip="follow the attractor by simulation, from the start")
-        widgets.on_click(sweep, self._sweep)
+        widgets.on_click(sweep, _careful(self._sweep, tell))
         self.panel = widgets.column(
-            widgets.row(orbit, rest, wrap=True), widgets.row(self._parameter, self._count),
-            widgets.row(*self._ends), widgets.row(self._direction, sweep),
+            widgets.row(orbit, rest, wrap=True), widgets.row(self._range.chooser, self._count),
+            widgets.row(*self._range.ends), widgets.row(self._direction, sweep),
         )  # fmt: skip
 
     def _given(self) -> dict[str, Any]:
@@ -72,9 +77,11 @@ class StartView:
         return {"parameters": self._session.changed(), "x0": settings.x0, "mode": settings.mode}
 
     def _sweep(self) -> None:
+        if self._count.value is None:
+            raise InputError("values", "empty", "a whole number")
         given = {name: value for name, value in self._given().items() if name != "mode"}
         step = Sweep(
-            parameter=self._parameter.value, bounds=_between(self._ends), count=int(self._count.value),
+            parameter=self._range.name, bounds=self._range.bounds, count=int(self._count.value),
             direction=self._direction.value, observables=self._observables(), **given,
         )  # fmt: skip
         self._run(step)
@@ -93,6 +100,8 @@ class ActionView:
         Called when a film of the selected orbit is asked for.
     films : callable
         Returns whether orbits of a system can be filmed.
+    tell : callable
+        Called with an error's line.
     """
 
     def __init__(
@@ -101,11 +110,12 @@ class ActionView:
         run: Callable[[Step], None],
         film: Callable[[], None],
         films: Callable[[HybridSystem], bool],
+        tell: Callable[[str], None],
     ) -> None:
         self._session, self._run, self._films = session, run, films
-        names = list(session.system.parameter_names)
-        self._parameter, self._second = _select("parameter", names, 120), _select("and", names[1:] or names, 120)
-        self._ends, self._second_ends = _ends(session, self._parameter), _ends(session, self._second)
+        self._first, self._second = RangeField(session, "parameter"), RangeField(session, "and")
+        self._second.leave_out(self._first.name)
+        widgets.on_change(self._first.chooser, lambda _: self._second.leave_out(self._first.name))
         self._buttons = {
             "resume": widgets.button("Continue", "continue", kind="primary", tip="follow the branch through it"),
             "extend": widgets.button("Extend", "extend", tip="follow the branch on from this end"),
@@ -122,11 +132,11 @@ class ActionView:
             "follow": self._follow,
         }
         for name, work in (works | {"film": film}).items():
-            widgets.on_click(self._buttons[name], work)
+            widgets.on_click(self._buttons[name], _careful(work, tell))
         self._text = widgets.html("selected", margin=(6, 8, 0, 8))
         first = [self._buttons[name] for name in ("resume", "extend", "switch", "cascade", "film")]
-        self._one = widgets.row(self._parameter, *self._ends, *first, wrap=True)
-        self._two = widgets.row(self._second, *self._second_ends, self._buttons["follow"], wrap=True)
+        self._one = widgets.row(self._first.chooser, *self._first.ends, *first, wrap=True)
+        self._two = widgets.row(self._second.chooser, *self._second.ends, self._buttons["follow"], wrap=True)
         self.panel = widgets.column(self._text, self._one, self._two)
         self.show("")
 
@@ -137,12 +147,12 @@ class ActionView:
         allowed = {
             "resume": choices.resume, "extend": choices.resume and bool(self._outwards()),
             "switch": bool(choices.switch), "cascade": choices.cascade,
-            "follow": choices.follow, "film": choices.film,
+            "follow": choices.follow and bool(self._second.name), "film": choices.film,
         }  # fmt: skip
         for name, button in self._buttons.items():
             button.visible = allowed[name]
         self._one.visible = any(allowed.values())
-        self._two.visible = choices.follow
+        self._two.visible = allowed["follow"]
 
     def _choices(self) -> Choices:
         return choices_at(self._session.settings.selected, self._session.results, self._films)
@@ -154,7 +164,7 @@ class ActionView:
 
     def _resume(self) -> None:
         what: Any = self._choices().what
-        self._run(Continue(place=self._place(), parameter=self._parameter.value, bounds=_between(self._ends), of=what))
+        self._run(Continue(place=self._place(), parameter=self._first.name, bounds=self._first.bounds, of=what))
 
     def _outwards(self) -> str:
         """Return which way the parameter goes beyond the end of a branch that is selected; empty elsewhere."""
@@ -171,7 +181,7 @@ class ActionView:
         way: Any = self._outwards()
         place, name = self._place(), self._along()
         end = float(self._session.results[place.of].values[place.index])
-        low, high = _between(self._ends)
+        low, high = self._first.bounds_of(name)
         more = 0.5 * (high - low)
         least, most = self._session.system.parameter_bounds.get(name, (-math.inf, math.inf))
         if way == "up" and high <= end + _NEAR * more:
@@ -183,41 +193,30 @@ class ActionView:
 
     def _switch(self) -> None:
         what: Any = self._choices().switch
-        self._run(Switch(place=self._place(), parameter=self._along(), bounds=_between(self._ends), of=what))
+        along = self._along()
+        self._run(Switch(place=self._place(), parameter=along, bounds=self._first.bounds_of(along), of=what))
 
     def _cascade(self) -> None:
-        self._run(Cascade(place=self._place(), bounds=_between(self._ends)))
+        self._run(Cascade(place=self._place(), bounds=self._first.bounds_of(self._along())))
 
     def _follow(self) -> None:
-        names, bounds = (self._parameter.value, self._second.value), (_between(self._ends), _between(self._second_ends))
+        both = self._first, self._second
+        names, bounds = (both[0].name, both[1].name), (both[0].bounds, both[1].bounds)
         self._run(Follow(place=self._place(), parameters=names, bounds=bounds))
 
     def _along(self) -> str:
         """Return the parameter of the branch that the selected point is on: the other branch has it too."""
         result = self._session.results[self._place().of]
-        return str(getattr(result, "parameter", self._parameter.value))
+        return str(getattr(result, "parameter", self._first.name))
 
 
-def _select(title: str, names: list[str], width: int) -> Any:
-    labels = {look.bare_label(name): name for name in names}
-    first = names[0] if names else None
-    return widgets.choice(title, labels if len(labels) == len(names) else names, first, width, f"select-{title}")
+def _careful(work: Callable[[], None], tell: Callable[[str], None]) -> Callable[[], None]:
+    """Return work that tells an error in a field instead of raising it."""
 
+    def done() -> None:
+        try:
+            work()
+        except InputError as error:
+            tell(str(error))
 
-def _ends(session: Session, chooser: Any) -> list[Any]:
-    """Return fields for a range of the parameter that a chooser names; a change of it sets them anew."""
-    made = [widgets.number(title, 0.0, 96) for title in ("from", "to")]
-
-    def reset() -> None:
-        if chooser.value:
-            made[0].value, made[1].value = range_of(session, chooser.value)
-
-    widgets.on_change(chooser, lambda _: reset())
-    reset()
-    return made
-
-
-def _between(ends: list[Any]) -> tuple[float, float]:
-    """Return the range in two fields; an empty one counts as 0."""
-    low, high = (float(field.value or 0.0) for field in ends)
-    return low, high
+    return done

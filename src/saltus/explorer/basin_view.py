@@ -104,7 +104,7 @@ class BasinView:
 
     def _go(self) -> None:
         x, y = (chooser.value for chooser in self._pair)
-        low_x, high_x, low_y, high_y = (float(widget.value or 0.0) for widget in self._ends)
+        low_x, high_x, low_y, high_y = (float("nan" if widget.value is None else widget.value) for widget in self._ends)
         states = self._session.system.states
         solution, start = self._solution, self._session.settings.x0
         if solution is not None:

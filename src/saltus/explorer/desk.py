@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from saltus.companion import Companion
 from saltus.errors import InputError, SaltusError
 from saltus.explorer.motions import motion_instead
-from saltus.explorer.tasks import Outcome, prepare, take, warm
+from saltus.explorer.tasks import Outcome, normal_forms, prepare, take, warm
 
 if TYPE_CHECKING:
     from saltus.explorer.application import Application
@@ -30,8 +30,8 @@ class Job:
     what: str  # what is done, in words
     function: Callable[..., Any]  # what the companion calls
     arguments: tuple[Any, ...]
-    step: Step | None = None  # the step; None for a film
-    done: Callable[[Entry], None] | None = None  # called with the entry of a step
+    step: Step | None = None  # the step; None for a film or normal forms
+    done: Callable[[Any], object] | None = None  # called with the entry of a step, or with normal forms
     replaces: str = ""  # name of a result that this one replaces
     axes: tuple[str, ...] = ()  # what the diagram showed when it was asked for
 
@@ -181,6 +181,12 @@ class Desk:
         path = self.session.folder / "film.gif"
         self._hand_over(Job("film", self.application.film, (orbit, str(path))))
 
+    def normal_forms(self, result: Any, done: Callable[[dict[str, str]], None], by: Listener) -> None:
+        """Compute the normal forms of a curve's special points, in words by label, for one of the pages."""
+        post = self._listeners.get(by, _at_once)
+        told = Job("normal forms", normal_forms, (result,), done=lambda forms: post(lambda: done(forms)))
+        self._hand_over(told)
+
     def warm(self) -> None:
         """Let the companion load what basins need, as long as nothing else is wanted."""
         self._warming = self._companion.submit(warm, self.session.subject.definition, self.session.settings.x0)
@@ -233,7 +239,10 @@ class Desk:
 
     def _arrived(self, job: Job, content: Any) -> None:
         if not isinstance(content, Outcome):
-            self._tell(lambda listener: listener.filmed(content))
+            if job.done is not None:
+                job.done(content)
+            else:
+                self._tell(lambda listener: listener.filmed(content))
             return
         if job.replaces and job.replaces in self.session.results:
             self.session.replace(job.replaces)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from html import escape
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.errors import SaltusError
-from saltus.explorer import look, widgets
+from saltus.explorer import colours, look, widgets
 from saltus.explorer.drawing import Drawn, default_axes, drawn, quantities_of
+from saltus.explorer.figures.pointer import TOGETHER, tell_at_pointer
+from saltus.explorer.following import followed_axes, told_where_fixed, varied_of
+from saltus.explorer.points.label_places import places_beside
+from saltus.explorer.points.mark_list import Coincident, MarkList
 from saltus.explorer.steps import Place
 from saltus.plotting import style
 
@@ -22,16 +26,38 @@ __all__ = ["DiagramView"]
 
 _COLUMNS = {
     "strands": ("xs", "ys", "colour", "dash", "width", "name"),
-    "marks": ("x", "y", "label", "told", "of", "meaning", "marker", "colour", "fill"),
-    "points": ("x", "y", "of", "index", "told"),
-    **dict.fromkeys(("alone", "dots", "chosen", "trail"), ("x", "y")),
+    "marks": (
+        "x",
+        "y",
+        "label",
+        "told",
+        "of",
+        "meant",
+        "tip",
+        "marker",
+        "angle",
+        "colour",
+        "fill",
+        "align",
+        "aside",
+        "below",
+    ),
+    "points": ("x", "y", "of", "index", "told", "tip"),
+    "dots": ("x", "y", "colour", "size"),
+    "alone": ("x", "y", "colour"),
+    **dict.fromkeys(("chosen", "trail"), ("x", "y")),
 }
+_UPON = {"x": "to the right", "y": "upwards"}  # what the field of an axis is called
 _SEEN = ("marks", "points", "dots")  # what is seen besides curves
 _REACH = 24.0  # pixels from a click within which a solution is selected
 _BONUS = 8.0  # pixels by which a special point counts as nearer
 _SIZE = (600, 400)  # pixels of a figure whose size is not yet known
 _CLOSE = 26.0  # pixels between marks whose labels share one place
-_MOST_TOGETHER = 4  # labels that are written in one place
+_MOST_TOGETHER = 30  # characters of labels that are written in one place
+_DOT = 5.5  # pixels of a dot of a sweep where few are above each other: more than a curve's width, to be seen beneath
+_SMALL_DOT = 2.5  # pixels where there are many
+_FEW = 16  # dots above each other that are few
+_LEVELS = 500  # heights over the extent of a sweep that are told apart when dots are counted
 
 
 class DiagramView:
@@ -56,7 +82,7 @@ class DiagramView:
         tell: Callable[[str], None],
         changed: Callable[[], None] | None = None,
     ) -> None:
-        from bokeh.events import Tap
+        from bokeh.events import RangesUpdate, Tap
         from bokeh.models import ColumnDataSource
 
         self._session, self._select, self._tell, self._changed = session, select, tell, changed or session.keep
@@ -68,52 +94,48 @@ class DiagramView:
         axes = session.settings.axes or default_axes(session.system, next(iter(session.system.parameter_names), "t"))
         session.settings.axes = tuple(axes)
         self._axes = [self._axis(letter, names, axis) for letter, axis in zip("xy", axes, strict=True)]
-        self.figure.on_event(Tap, lambda event: self._clicked(event.x, event.y))
-        self.panel = widgets.column(widgets.row(*self._axes), widgets.pane(self.figure, high=True), high=True)
+        self.figure.on_event(Tap, lambda event: self._clicked(event.x, event.y, (event.sx, event.sy)))
+        self.figure.on_event(RangesUpdate, lambda _: self.name_marks_anew())
+        self.figure.on_change("inner_width", lambda attr, old, new: self.name_marks_anew())
+        self.marks = MarkList()
+        shown = widgets.column(widgets.pane(self.figure, high=True), self.marks.panel, name="over", high=True)
+        self.panel = widgets.column(widgets.row(*self._axes, wrap=True), shown, high=True)
         self.redraw()
 
     def _axis(self, letter: str, names: list[str], value: str) -> Any:
-        tip = {"x": "to the right", "y": "upwards"}[letter]
-        widget = widgets.quantity(tip, names, value, 180, f"axis-{letter}")
-        widgets.on_change(widget, lambda _: self._axes_changed())
+        widget = widgets.quantity(self._title(letter), names, value, 180, f"axis-{letter}")
+        widgets.on_change(widget, lambda name: self._chosen(letter, name))
         return widget
 
-    def _draw_glyphs(self) -> None:
-        from bokeh.models import HoverTool
+    def _title(self, letter: str) -> str:
+        """Return what stands above the field of an axis."""
+        return _UPON[letter] + (", fixed" if letter in self._session.settings.fixed else "")
 
+    def _draw_glyphs(self) -> None:
         made, sources = self.figure, self._sources
         made.scatter(
-            "x", "y", source=sources["dots"], size=2.5, color=look.CURVES[1], alpha=0.6, line_color=None, name="dots"
+            "x", "y", source=sources["dots"], size="size", color="colour", alpha=0.5, line_color=None, name="dots"
         )
-        made.scatter("x", "y", source=sources["alone"], size=7, color=look.CURVES[0])
+        made.scatter("x", "y", source=sources["alone"], size=7, color="colour", name="alone")
         made.multi_line(
             "xs", "ys", source=sources["strands"], line_color="colour", line_dash="dash", line_width="width",
             name="strands",
         )  # fmt: skip
-        made.scatter("x", "y", source=sources["trail"], size=3, color="#e8820c", name="trail")
-        points = made.scatter(
-            "x", "y", source=sources["points"], size=9, fill_alpha=0.0, line_alpha=0.0, hover_fill_alpha=0.5,
-            hover_fill_color="#e8820c", name="points",
-        )  # fmt: skip
-        marks = made.scatter(
-            "x", "y", source=sources["marks"], size=9, marker="marker", line_color="colour", fill_color="fill",
-            name="marks",
+        made.scatter("x", "y", source=sources["trail"], size=3, color=colours.CHOSEN, name="trail")
+        made.scatter("x", "y", source=sources["points"], size=9, fill_alpha=0.0, line_alpha=0.0, name="points")
+        made.scatter(
+            "x", "y", source=sources["marks"], size=10, marker="marker", angle="angle", angle_units="deg",
+            line_color="colour", fill_color="fill", name="marks",
         )  # fmt: skip
         made.text(
-            "x", "y", source=sources["marks"], text="label", x_offset=7, y_offset=-4, text_font_size="10px",
-            text_color="colour",
+            "x", "y", source=sources["marks"], text="label", x_offset="aside", y_offset="below", text_font_size="11px",
+            text_color="colour", text_align="align",
         )  # fmt: skip
         made.scatter(
-            "x", "y", source=sources["chosen"], size=16, fill_alpha=0.0, line_color="#e8820c", line_width=2.5,
+            "x", "y", source=sources["chosen"], size=17, fill_alpha=0.0, line_color=colours.CHOSEN, line_width=2.5,
+            name="chosen",
         )  # fmt: skip
-        told = [("", "@of @told"), ("", "(@x{0.000000}, @y{0.000000})")]
-        made.add_tools(
-            HoverTool(renderers=[points], tooltips=told, point_policy="snap_to_data", attachment="above", limit=1)
-        )
-        told = [("", "@of @told, @meaning"), ("", "(@x{0.000000000}, @y{0.000000000})")]
-        made.add_tools(
-            HoverTool(renderers=[marks], tooltips=told, point_policy="snap_to_data", attachment="below", limit=1)
-        )
+        tell_at_pointer(made, [sources["marks"], sources["points"]])
 
     @property
     def axes(self) -> tuple[str, str]:
@@ -124,16 +146,42 @@ class DiagramView:
     def set_axes(self, x: str, y: str) -> None:
         """Show other quantities when the diagram is drawn next."""
         self._session.settings.axes = (x, y)
-        for widget, name in zip(self._axes, (x, y), strict=True):
+        for letter, widget, name in zip("xy", self._axes, (x, y), strict=True):
             if name not in widget.options:
                 widget.options = [*widget.options, name]
-            widget.value = name
+            widget.value, widget.name = name, self._title(letter)
+
+    def follow(self, result: Any) -> None:
+        """Show what a result goes along, on axes that the user has not fixed, when the diagram is drawn next."""
+        settings = self._session.settings
+        x, y = settings.axes
+        self.set_axes(*followed_axes(result, (x, y), settings.fixed, self._session.system))
+        if told := told_where_fixed(result, self.axes, settings.fixed):
+            self._tell(told)
+
+    def follow_newest(self) -> None:
+        """Follow the newest of the results that are drawn."""
+        entries, hidden = self._session.entries, self._session.settings.hidden
+        seen = [entry.result for entry in entries if entry.name not in hidden and varied_of(entry.result)]
+        if seen:
+            self.follow(seen[-1])
+        else:
+            self.set_axes(*self._session.settings.axes)
+
+    def _chosen(self, letter: str, name: str) -> None:
+        """Fix an axis at what the user has chosen; emptied, it follows the results again."""
+        settings, number = self._session.settings, "xy".index(letter)
+        if name == settings.axes[number]:
+            return
+        if name:
+            settings.fixed.add(letter)
+            self.set_axes(*(name if i == number else axis for i, axis in enumerate(settings.axes)))
+        else:
+            settings.fixed.discard(letter)
+            self.follow_newest()
+        self._axes_changed()
 
     def _axes_changed(self) -> None:
-        before, now = self._session.settings.axes, self.axes
-        if now == before or not all(now):
-            return
-        self._session.settings.axes = now
         self.redraw()
         if self._session.entries and len(self.unseen) == len(self._session.entries):
             self._tell(next(iter(self.unseen.values())))
@@ -153,12 +201,13 @@ class DiagramView:
             except SaltusError as error:
                 self.unseen[entry.name] = str(error)
                 continue
-            _add(columns, entry.name, found, self.colour(number), _locus_colour(entry.result))
+            _add(columns, entry.name, found, self.colour(number))
         x_seen, y_seen = (
             [*chain(*columns["strands"][f"{axis}s"]), *chain(*(columns[name][axis] for name in _SEEN))] for axis in "xy"
         )
         look.fit(self.figure, x_seen, y_seen)
         self._name_marks(columns["marks"])
+        self.marks.close()
         for name, table in columns.items():
             if name != "trail":
                 self._sources[name].data = table
@@ -186,14 +235,30 @@ class DiagramView:
                 groups[int(np.argmin(away))].append(i)
             else:
                 groups.append([i])
+        many = Counter(marks["told"])
+        each = zip(marks["of"], marks["told"], strict=True)
+        named = [told if many[told] == 1 else f"{of} {told}" for of, told in each]
         for group in groups:
-            told = [*dict.fromkeys(marks["told"][i] for i in group)]
-            shown = " ".join(told) if len(told) <= _MOST_TOGETHER else f"{told[0]} + {len(told) - 1}"
-            marks["label"][group[0]] = shown
+            told = [*dict.fromkeys(named[i] for i in group)]
+            shown = ", ".join(told)
+            marks["label"][group[0]] = (
+                shown if len(shown) <= _MOST_TOGETHER or len(told) == 1 else f"{told[0]} + {len(told) - 1}"
+            )
+        first = [group[0] for group in groups]
+        labels, places = [marks["label"][i] for i in first], [self._on_screen(x[i], y[i]) for i in first]
+        for i, beside in zip(first, places_beside(places, labels, self._frame()), strict=True):
+            marks["align"][i], marks["aside"][i], marks["below"][i] = beside
+
+    def name_marks_anew(self) -> None:
+        """Write labels where there is room for them now: the figure has another size or shows another range."""
+        marks = {key: [*column] for key, column in self._sources["marks"].data.items()}
+        marks["label"] = [""] * len(marks["label"])
+        self._name_marks(marks)
+        self._sources["marks"].data = marks
 
     def colour(self, number: int) -> str:
-        """Return the colour of the curve of an entry."""
-        return look.CURVES[number % len(look.CURVES)]
+        """Return the colour of an entry by its place in the list."""
+        return colours.colour_of(number, self._session.entries[number].result)
 
     def mark_chosen(self) -> None:
         """Draw a ring about the solution that is selected."""
@@ -207,8 +272,12 @@ class DiagramView:
                     ring = {"x": [x], "y": [y]}
         self._sources["chosen"].data = ring
 
-    def _clicked(self, x: float, y: float) -> None:
-        """Select the solution nearest to a click, special points before others."""
+    def _clicked(self, x: float, y: float, place: tuple[float, float] | None = None) -> None:
+        """Select the solution nearest to a click, special points before others; a list has those at one place.
+
+        Where `place` is given, it is that of the click in pixels, beside which the list opens.
+        """
+        self.marks.close()
         best, nearest = _REACH, None
         for name, bonus in (("marks", _BONUS), ("points", 0.0)):
             data = self._sources[name].data
@@ -220,19 +289,46 @@ class DiagramView:
         name, at = nearest
         data = self._sources[name].data
         noun = self._session.entry(data["of"][at]).step.noun
-        if name == "marks":
-            if noun != "cascade":  # its points are those of branches that it keeps for itself
-                self._select(Place(of=data["of"][at], label=data["told"][at]))
+        if name == "points":
+            alone = noun in ("orbit", "equilibrium")
+            self._select(Place(of=data["of"][at], index=None if alone else int(data["index"][at])))
             return
-        alone = noun in ("orbit", "equilibrium")
-        self._select(Place(of=data["of"][at], index=None if alone else int(data["index"][at])))
+        together = [i for i in self._together(at) if self._can_be_taken(data["of"][i])]
+        if at in together:
+            self._select(Place(of=data["of"][at], label=data["told"][at]))
+        if len(together) > 1:
+            listed = [Coincident(*(data[key][i] for key in ("of", "told", "meant", "colour"))) for i in together]
+            self.marks.open(listed, (data["of"][at], data["told"][at]), place)
+
+    def _together(self, at: int) -> list[int]:
+        """Return the marks at the place of one, by their numbers."""
+        x, y = (np.array(self._sources["marks"].data[axis], float) for axis in "xy")
+        return np.flatnonzero(self._pixels(x - x[at], y - y[at]) < TOGETHER).tolist()
+
+    def _can_be_taken(self, name: str) -> bool:
+        """Return whether marks of a result can be selected; those of a cascade are on branches that it keeps."""
+        return self._session.entry(name).step.noun != "cascade"
+
+    def _frame(self) -> tuple[float, float]:
+        """Return width and height of the frame in pixels."""
+        known = self.figure.properties_with_values(include_defaults=False)
+        return float(known.get("inner_width") or _SIZE[0]), float(known.get("inner_height") or _SIZE[1])
+
+    def _scale(self) -> tuple[float, float]:
+        """Return pixels of the units of both axes."""
+        made, frame = self.figure, self._frame()
+        wide, high = (float(abs(axis.end - axis.start)) or 1.0 for axis in (made.x_range, made.y_range))
+        return frame[0] / wide, frame[1] / high
 
     def _pixels(self, dx: Any, dy: Any) -> Any:
         """Return lengths on the screen of differences in the axes' units."""
-        made, known = self.figure, self.figure.properties_with_values(include_defaults=False)
-        wide, high = (float(abs(axis.end - axis.start)) or 1.0 for axis in (made.x_range, made.y_range))
-        width, height = known.get("inner_width") or _SIZE[0], known.get("inner_height") or _SIZE[1]
-        return np.hypot(dx / wide * width, dy / high * height)
+        across, up = self._scale()
+        return np.hypot(dx * across, dy * up)
+
+    def _on_screen(self, x: float, y: float) -> tuple[float, float]:
+        """Return a place in pixels from the upper left corner of the frame."""
+        across, up = self._scale()
+        return (x - self.figure.x_range.start) * across, (self.figure.y_range.end - y) * up
 
 
 def _empty() -> dict[str, dict[str, list[Any]]]:
@@ -245,36 +341,38 @@ def _append(table: dict[str, list[Any]], row: dict[str, Any]) -> None:
         table[key].append(value)
 
 
-def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colour: str, locus: str) -> None:
+def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colour: str) -> None:
     """Add a result to the columns of the glyphs."""
     for strand in found.strands:
         sound = strand.kind not in style.FAULTY
         row = {
-            "xs": strand.x.tolist(), "ys": strand.y.tolist(), "colour": (locus or colour) if sound else "#999999",
+            "xs": strand.x.tolist(), "ys": strand.y.tolist(), "colour": colour if sound else colours.FAULTY,
             "dash": look.DASHES[strand.kind], "width": 2.0 if strand.kind == "stable" else 1.5, "name": name,
         }  # fmt: skip
         _append(columns["strands"], row)
     for mark in found.marks:
-        form = style.SPECIAL.get(mark.type, style.EVENT)
+        form = colours.form_of(mark.type)
+        marker, angle = colours.MARKERS[form.marker]
         row = {
-            "x": mark.x, "y": mark.y, "label": "",
-            "told": mark.label, "of": name,
-            "meaning": escape(form.meaning), "marker": look.MARKERS[form.marker],
-            "colour": form.colour,
-            "fill": form.colour if form.filled else "#ffffff",
+            "x": mark.x, "y": mark.y, "label": "", "told": mark.label, "of": name, "meant": form.meaning,
+            "tip": f"{name} {mark.label}, {form.meaning}", "marker": marker, "angle": angle, "colour": form.colour,
+            "fill": form.colour if form.filled else colours.GROUND, "align": "left", "aside": 8.0, "below": -4.0,
         }  # fmt: skip
         _append(columns["marks"], row)
     if not found.strands:
         columns["alone"]["x"] += found.points[:, 0].tolist()
         columns["alone"]["y"] += found.points[:, 1].tolist()
+        columns["alone"]["colour"] += [colour] * len(found.points)
     for index, ((x, y), stable) in enumerate(zip(found.points.tolist(), found.stable.tolist(), strict=True)):
-        row = {"x": x, "y": y, "of": name, "index": index, "told": "stable" if stable else "unstable"}
+        told = "stable" if stable else "unstable"
+        row = {"x": x, "y": y, "of": name, "index": index, "told": told, "tip": f"{name}, {told}"}
         _append(columns["points"], row)
-    columns["dots"]["x"] += np.asarray(found.dots)[:, 0].tolist()
-    columns["dots"]["y"] += np.asarray(found.dots)[:, 1].tolist()
-
-
-def _locus_colour(result: Any) -> str:
-    """Return the colour of a locus, that of its type's special points; empty for other results."""
-    kind = getattr(result, "type", "")
-    return style.SPECIAL[kind].colour if kind in style.SPECIAL else ""
+    if len(found.dots):
+        x, y = found.dots.T
+        levels = np.round(_LEVELS * (y - y.min()) / (float(np.ptp(y)) or 1.0))
+        spots = np.unique(np.column_stack([x, levels]), axis=0)  # a periodic motion has the same points again and again
+        where, counts = np.unique(spots[:, 0], return_counts=True)
+        sizes = np.where(counts[np.searchsorted(where, x)] <= _FEW, _DOT, _SMALL_DOT)
+        row = {"x": x.tolist(), "y": y.tolist(), "colour": [colour] * len(x), "size": sizes.tolist()}
+        for key, values in row.items():
+            columns["dots"][key] += values

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ListView", "line_of"]
 
-_CURVES = ("branch", "locus", "sweep")  # kinds of results that are drawn in a colour
+# Kinds of results that are drawn in a colour, and whether as dots.
+_COLOURED = {"branch": False, "locus": False, "sweep": True, "orbit": True, "equilibrium": True}
 
 
 class ListView:
@@ -78,7 +79,8 @@ def line_of(entry: Entry, colour: str, unseen: str = "") -> str:
         Why it cannot be drawn on the diagram's axes.
     """
     first, ends = repr(entry.result).splitlines()[0], told_end(entry.result)
-    swatch = f'<span class="swatch" style="background:{colour}"></span>' if entry.step.noun in _CURVES else ""
+    shape = " round" if _COLOURED.get(entry.step.noun) else ""
+    swatch = f'<span class="swatch{shape}" style="background:{colour}"></span>' if entry.step.noun in _COLOURED else ""
     parts = [
         f"{swatch}<b>{escape(entry.name)}</b> {escape(first)}",
         f'<span class="end">{escape(ends)}</span>' if ends else "",

@@ -11,40 +11,40 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.explorer.colours import readable
 from saltus.plotting import style
 
 if TYPE_CHECKING:
     from bokeh.plotting import figure
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem
 
 __all__ = [
-    "CURVES",
     "DASHES",
-    "MARKERS",
     "bare_label",
     "colour_of_mode",
     "complex_text",
+    "ends_of",
     "figure_of",
     "fit",
     "meaning_of",
     "number",
+    "page_script",
     "page_style",
+    "rounded_text",
     "table",
+    "time_label",
 ]
 
-CURVES = ("#1b1b1e", "#2f6fb0", "#8a4b08", "#5b7f2b", "#7d3c98", "#b0413e", "#2a8c82", "#8c6d1f")  # of branches
 DASHES = {"stable": "solid", "unstable": [6, 4], "not admissible": [2, 3], "virtual": [2, 3]}
-
-# Bokeh's markers for those of matplotlib in `saltus.plotting.style.SPECIAL`.
-MARKERS: Mapping[str, str] = {
-    "o": "circle", "D": "diamond", "s": "square", "*": "star", "^": "triangle", "v": "inverted_triangle",
-    "p": "hex", "<": "triangle_pin", ">": "triangle_dot", "h": "hex", "X": "x", "P": "cross",
-}  # fmt: skip
 
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _TOOLS = "pan,wheel_zoom,box_zoom,reset"
 _MARGIN = 0.05  # room about what a figure shows, over its extent
 _COMMON = (2.0, 98.0)  # percentiles between which common values lie
 _FAR = 30.0  # extent of all values over that of the common ones from which on the rest is left outside
+_TIMES = ("t", "period")  # quantities that are times
 _FONT = "12px"
 _GREY = "#5c6570"
 _LINE = "#c3c9d1"
@@ -53,6 +53,11 @@ _LINE = "#c3c9d1"
 def page_style() -> str:
     """Return the style sheet of the page."""
     return files(__package__).joinpath("page.css").read_text(encoding="utf-8")
+
+
+def page_script() -> str:
+    """Return the script of the page."""
+    return files(__package__).joinpath("page.js").read_text(encoding="utf-8")
 
 
 def figure_of(name: str, **options: Any) -> figure:
@@ -69,11 +74,11 @@ def figure_of(name: str, **options: Any) -> figure:
     from bokeh.plotting import figure
 
     ranges = {"x_range": Range1d(-1.0, 1.0), "y_range": Range1d(-1.0, 1.0)}
-    given = {"sizing_mode": "stretch_both"} | ranges | options
-    made = figure(name=f"{name}-figure", tools=_TOOLS, toolbar_location="above", **given)
+    given = {"sizing_mode": "stretch_both", "toolbar_location": "above", "min_border_right": 12} | ranges | options
+    made = figure(name=f"{name}-figure", tools=_TOOLS, **given)
     made.toolbar.active_scroll = made.select_one(WheelZoomTool)
     made.toolbar.logo, made.toolbar.autohide = None, True
-    made.outline_line_color, made.min_border_right = _LINE, 12
+    made.outline_line_color = _LINE
     made.grid.grid_line_alpha = 0.35
     for axis in made.axis:
         axis.axis_label_text_font_style, axis.axis_label_text_font_size = "normal", _FONT
@@ -84,9 +89,7 @@ def figure_of(name: str, **options: Any) -> figure:
 
 
 def fit(made: figure, x: Sequence[float], y: Sequence[float], margin: float = _MARGIN) -> None:
-    """Set both ranges of a figure to what it shows; of nothing they stay as they are.
-
-    Few values that are far from all others, as where a branch goes to infinity, are left outside.
+    """Set both ranges of a figure to `ends_of` what it shows; of nothing they stay as they are.
 
     Parameters
     ----------
@@ -98,14 +101,29 @@ def fit(made: figure, x: Sequence[float], y: Sequence[float], margin: float = _M
         Room on each side, over the extent.
     """
     for axis, values in ((made.x_range, x), (made.y_range, y)):
-        table = np.asarray(values, dtype=np.float64)
-        table = table[np.isfinite(table)]
-        if table.size:
-            low, high = (float(value) for value in np.percentile(table, _COMMON))
-            if float(np.ptp(table)) <= _FAR * (high - low):
-                low, high = float(table.min()), float(table.max())
-            room = margin * (high - low) or 0.1 * abs(high) or 1.0
-            axis.update(start=low - room, end=high + room, reset_start=low - room, reset_end=high + room)
+        if (ends := ends_of(values, margin)) is not None:
+            axis.update(start=ends[0], end=ends[1], reset_start=ends[0], reset_end=ends[1])
+
+
+def ends_of(values: Sequence[float] | NDArray[np.float64], margin: float = _MARGIN) -> tuple[float, float] | None:
+    """Return the ends of an axis that shows values, with room at both; None where there is no finite value.
+
+    Few values that are far from all others, as where a branch goes to infinity, are left outside.
+
+    Examples
+    --------
+    >>> ends_of([0.0, 1.0], 0.1), ends_of([])
+    ((-0.1, 1.1), None)
+    """
+    table = np.asarray(values, dtype=np.float64)
+    table = table[np.isfinite(table)]
+    if not table.size:
+        return None
+    low, high = (float(value) for value in np.percentile(table, _COMMON))
+    if float(np.ptp(table)) <= _FAR * (high - low):
+        low, high = float(table.min()), float(table.max())
+    room = margin * (high - low) if high > low else 0.1 * abs(high) or 1.0
+    return low - room, high + room
 
 
 def bare_label(name: str) -> str:
@@ -131,8 +149,8 @@ def _letter(name: str) -> str:
 
 
 def colour_of_mode(mode: int) -> str:
-    """Return the colour of a mode, that of the package's pictures."""
-    return style.colour_of_mode(mode)
+    """Return the colour of a mode, that of the package's pictures, as far as it is readable."""
+    return readable(style.colour_of_mode(mode))
 
 
 def number(value: float) -> str:
@@ -162,6 +180,37 @@ def complex_text(value: complex) -> str:
     if value.imag == 0.0:
         return number(value.real)
     return f"{number(value.real)} {'+' if value.imag > 0 else '−'} {number(abs(value.imag))}i"
+
+
+def rounded_text(value: complex) -> str:
+    """Return a complex number with three digits, as it stands in a figure.
+
+    Examples
+    --------
+    >>> rounded_text(-1.234e15 + 0j), rounded_text(6.5 - 70.0j)
+    ('−1.23e15', '6.5 − 70i')
+    """
+    parts = [re.sub(r"e\+?(-?)0*", r"e\1", f"{abs(part):.3g}") for part in (value.real, value.imag)]
+    sign = "−" if value.real < 0.0 else ""
+    if value.imag == 0.0:
+        return f"{sign}{parts[0]}"
+    return f"{sign}{parts[0]} {'+' if value.imag > 0.0 else '−'} {parts[1]}i"
+
+
+def time_label(name: str, system: HybridSystem) -> str:
+    """Return the label of an axis, with the unit of time where the system's names tell it.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem
+    >>> lever = HybridSystem.smooth({"z1_nm": "v1_nm_us", "v1_nm_us": "-z1_nm"})
+    >>> time_label("t", lever), time_label("z1_nm", lever), time_label("t", HybridSystem.smooth({"x": "-x"}))
+    ('t (us)', 'z₁ (nm)', 't')
+    """
+    named = (*system.states, *system.output_names, *system.parameter_names)
+    if name in _TIMES and any(other.endswith("_us") for other in named):
+        return f"{name} (us)"
+    return bare_label(name)
 
 
 def table(rows: Mapping[str, object], head: tuple[str, str] | None = None) -> str:

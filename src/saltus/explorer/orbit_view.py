@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
+from saltus.explorer.colours import INK
+from saltus.explorer.figures.pointer import tell_at_pointer
+from saltus.explorer.figures.spectrum_view import SpectrumView
 from saltus.explorer.solutions import path_of, readings_of, traits_of
 
 if TYPE_CHECKING:
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["OrbitView"]
 
-_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
 _HEIGHT = 235  # pixels of a figure
+_LINEARISED = '<p class="hint">Lines: motions of the field linearised at the equilibrium.</p>'
 _MOST_EVENTS = 400  # events of a motion that are marked
 
 
@@ -47,14 +48,14 @@ class OrbitView:
         self._shown: Any = None
         self.title = widgets.html("orbit-title")
         self._portrait, self._series = look.figure_of("portrait", height=_HEIGHT), look.figure_of("series", height=190)
-        self._circle = look.figure_of("multipliers", height=_HEIGHT, match_aspect=True)
-        self._numbers, self._readings = widgets.html("multiplier-table"), widgets.html("readings")
+        self.spectrum, self._readings = SpectrumView(), widgets.html("readings")
+        self._near = widgets.html("nearby", _LINEARISED, (0, 8))
         self._sources = {name: _lines(made) for name, made in (("portrait", self._portrait), ("series", self._series))}
-        self._values = _values(self._circle)
         self._axes = self._choosers()
-        one = widgets.column(widgets.row(*self._axes), widgets.pane(self._portrait), widgets.pane(self._series))
-        two = widgets.column(widgets.pane(self._circle), self._numbers)
-        self.tabs = widgets.tabs(Orbit=one, Multipliers=two, Observables=self._readings)
+        one = widgets.column(
+            widgets.row(*self._axes), widgets.pane(self._portrait), widgets.pane(self._series), self._near
+        )
+        self.tabs = widgets.tabs(Orbit=one, Multipliers=self.spectrum.panel, Observables=self._readings)
         self.panel = widgets.column(self.title, self.tabs)
         self.show(None, "")
 
@@ -95,15 +96,17 @@ class OrbitView:
 
     def _draw(self) -> None:
         x, y, over = self._session.settings.planes
+        system = self._session.system
+        self._near.visible = traits_of(self._shown).what == "equilibrium"
         for name, made, names in (("portrait", self._portrait, (x, y)), ("series", self._series, ("t", over))):
-            made.xaxis.axis_label, made.yaxis.axis_label = map(look.bare_label, names)
-            curves, events = self._sources[name]
+            made.xaxis.axis_label, made.yaxis.axis_label = (look.time_label(name, system) for name in names)
+            curves, events, vertices = self._sources[name]
             try:
                 lines, dots = self._lines(names)
             except SaltusError as error:
                 self._tell(str(error))
                 lines, dots = _NO_LINES, _NO_DOTS
-            curves.data, events.data = lines, dots
+            curves.data, events.data, vertices.data = lines, dots, _vertices(lines)
             look.fit(made, [*chain(*lines["xs"]), *dots["x"]], [*chain(*lines["ys"]), *dots["y"]])
 
     def _lines(self, names: tuple[str, str]) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
@@ -115,46 +118,33 @@ class OrbitView:
             "mode": [self._session.system.mode_names[mode] for mode in path.modes],
         }
         ends = path.events[-_MOST_EVENTS:]
-        return lines, {"x": ends[:, 0].tolist(), "y": ends[:, 1].tolist()}
+        at = "equilibrium" if traits_of(self._shown).what == "equilibrium" else "event"
+        return lines, {"x": ends[:, 0].tolist(), "y": ends[:, 1].tolist(), "tip": [at] * len(ends)}
 
     def _tell_numbers(self) -> None:
         shown = self._shown
-        traits = traits_of(shown)
-        values, self._circle.title.text = traits.values, traits.spectrum
-        finite = values[np.isfinite(values)]
-        self._values.data = {"x": finite.real.tolist(), "y": finite.imag.tolist()}
-        span = max(1.0, *np.abs([*finite.real, *finite.imag, 0.0]).tolist()) * 1.15
-        look.fit(self._circle, [-span, span], [-span, span], 0.0)
-        told = {f"{i + 1}": f"{look.complex_text(value)}   |·| = {abs(value):.9g}" for i, value in enumerate(values)}
-        self._numbers.object = look.table(told, ("", "value and modulus")) if told else ""
+        self.spectrum.show(traits_of(shown))
         self._readings.object = look.table(readings_of(shown, self._instrument))
 
 
 _NO_LINES: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": [], "mode": []}
-_NO_DOTS: dict[str, list[Any]] = {"x": [], "y": []}
+_NO_DOTS: dict[str, list[Any]] = {"x": [], "y": [], "tip": []}
 
 
-def _lines(made: Any) -> tuple[Any, Any]:
-    """Add curves in the colours of their modes, and events, to a figure; return their sources."""
-    from bokeh.models import ColumnDataSource, HoverTool
+def _vertices(lines: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    """Return the vertices of curves, each with the name of its mode."""
+    told = [[mode] * len(xs) for xs, mode in zip(lines["xs"], lines["mode"], strict=True)]
+    return {"x": [*chain(*lines["xs"])], "y": [*chain(*lines["ys"])], "tip": [*chain(*told)]}
+
+
+def _lines(made: Any) -> tuple[Any, Any, Any]:
+    """Add curves in the colours of their modes, and events, to a figure; return their sources, and that of vertices."""
+    from bokeh.models import ColumnDataSource
 
     made.sizing_mode = "stretch_width"
     curves, events = ColumnDataSource(_NO_LINES), ColumnDataSource(_NO_DOTS)
-    lines = made.multi_line("xs", "ys", source=curves, line_color="colour", line_width=1.8, name="curves")
-    made.scatter("x", "y", source=events, size=6, color="#1b1b1e")
-    made.add_tools(HoverTool(renderers=[lines], tooltips=[("", "@mode"), ("", "($x, $y)")]))
-    return curves, events
-
-
-def _values(made: Any) -> Any:
-    """Add the unit circle and multipliers to a figure; return the source of these."""
-    from bokeh.models import ColumnDataSource, HoverTool
-
-    made.sizing_mode = "stretch_width"
-    made.line(np.cos(_CIRCLE), np.sin(_CIRCLE), line_color="#8a94a0", line_width=1.2)
-    source = ColumnDataSource(_NO_DOTS)
-    dots = made.scatter("x", "y", source=source, size=9, fill_color="#e8820c", line_color="#1b1b1e", name="values")
-    made.add_tools(HoverTool(renderers=[dots], tooltips=[("", "@x{0.000000000} + @y{0.000000000} i")]))
-    made.xaxis.axis_label, made.yaxis.axis_label = "real part", "imaginary part"
-    made.title.text_font_size, made.title.text_font_style = "12px", "normal"
-    return source
+    made.multi_line("xs", "ys", source=curves, line_color="colour", line_width=1.8, name="curves")
+    made.scatter("x", "y", source=events, size=6, color=INK, name="events")
+    vertices = ColumnDataSource(_NO_DOTS)
+    tell_at_pointer(made, [events, vertices])
+    return curves, events, vertices

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from html import escape
 from io import BytesIO
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,9 +22,12 @@ from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
 from saltus.explorer.plane import Search, map_plane
+from saltus.explorer.points.stepping import stepped
+from saltus.explorer.points.view import PointView
+from saltus.explorer.points.wishes import Wishes
 from saltus.explorer.session_view import link
 from saltus.explorer.solutions import observable_of, traits_of
-from saltus.explorer.steps import Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
+from saltus.explorer.steps import Basin, FindEquilibrium, FindOrbit, Move, Place, Step, taken
 from saltus.explorer.work_line import line_of, share_of
 
 if TYPE_CHECKING:
@@ -58,12 +62,18 @@ class Page(Listener):
         self.orbit = OrbitView(self.session, self._line, desk.application.readings)
         self.basins = BasinView(self.session, self._map, self._follow_cell)
         self.orbit.tabs.append(("Basins", self.basins.panel))
-        self._film = widgets.film()
         self.parameters = ParameterView(self.session, self._settings_changed)
         self.numerics = NumericsView(self.session, self._settings_changed)
-        self.starts = StartView(self.session, self.run, self._observed)
-        self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films)
+        self.starts = StartView(self.session, self.run, self._observed, self._line)
+        self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films, self._line)
         self.list = ListView(self.session, self._hidden_changed)
+        self.points = PointView(self.session, self._forms_wanted)
+        self._film = widgets.film()
+        self._tabs = widgets.tabs(**{"Results": self.list.panel, "Special points": self.points.panel})
+        widgets.on_change(self._tabs, lambda active: self.points.seen() if active == 1 else None, "active")
+        self.wishes = Wishes(self.diagram.figure)
+        for kind, work in self._works().items():
+            self.wishes.on(kind, work)
         self._file = widgets.upload("open-session")
         widgets.on_change(self._file, lambda content: self._open(content, uploaded))
         self.undo = widgets.button("Undo", "undo", tip="drop the last result")
@@ -80,7 +90,7 @@ class Page(Listener):
     def parts(self) -> dict[str, Any]:
         """Return the parts of the page by the name of their place."""
         return {
-            "tools": widgets.beside(self.undo, *self._downloads()),
+            "tools": widgets.row(self.undo, *self._downloads(), wrap=True),
             "controls": widgets.column(
                 self.starts.panel,
                 self.parameters.panel,
@@ -89,9 +99,9 @@ class Page(Listener):
                 self._file,
             ),
             "diagram": self.diagram.panel,
-            "results": widgets.column(self.actions.panel, self.list.panel),
+            "results": widgets.column(self.actions.panel, self._tabs),
             "orbit": self.orbit.panel,
-            "status": widgets.beside(self._stop, self._bar, self._work, self._message),
+            "status": widgets.row(self._stop, self._bar, self._work, self._message, wrap=True),
         }
 
     def _downloads(self) -> list[Any]:
@@ -153,7 +163,34 @@ class Page(Listener):
         self.session.settings.selected = place
         self.diagram.mark_chosen()
         self._show_selected()
+        self.points.show()
         self.desk.change(self)
+
+    def _works(self) -> dict[str, Callable[..., None]]:
+        """Return what keys, and buttons in tables and lists, ask for."""
+        return {
+            "take": lambda of, label: self._take(Place(of=of, label=label)),
+            "close": self.diagram.marks.close,
+            "name": self.diagram.name_marks_anew,
+            "sort": self.points.sort,
+            "step": lambda count, special: self._step(int(count), special=bool(special)),
+        }
+
+    def _take(self, place: Place) -> None:
+        self.diagram.marks.close()
+        if place.of in self.session.results:
+            self.select(place)
+
+    def _step(self, count: int, *, special: bool) -> None:
+        """Go along the branch on which the selected solution is."""
+        hidden = self.session.settings.hidden
+        seen = {name: result for name, result in self.session.results.items() if name not in hidden}
+        place = stepped(self.session.settings.selected, count, seen, special=special)
+        if place is not None and place != self.session.settings.selected:
+            self._take(place)
+
+    def _forms_wanted(self, name: str, done: Callable[[dict[str, str]], None]) -> None:
+        self.desk.normal_forms(self.session.results[name], done, self)
 
     def _undo(self) -> None:
         try:
@@ -162,6 +199,8 @@ class Page(Listener):
             self._line(str(error))
             return
         if undone is not None:
+            self.points.forget_gone()
+            self.diagram.follow_newest()
             self._show_all()
             self.desk.change(self)
 
@@ -183,6 +222,9 @@ class Page(Listener):
         """Find attractors about the plane, then map it coarsely, then finely."""
         if len(free) < 2:
             self._line("a plane needs two different states")
+            return
+        if empty := [name for name, ends in free.items() if any(map(isnan, ends))]:
+            self._line(f"an end of the range of {empty[0]} is empty: it must be a number")
             return
         solution = self._selected()
         given = self.session.changed() if solution is None else dict(solution.parameters)
@@ -209,16 +251,14 @@ class Page(Listener):
 
     def filmed(self, path: Path) -> None:
         """Show a film that has come."""
-        if self._film not in [*self.orbit.tabs]:
-            self.orbit.tabs.append(("Film", self._film))
-        self._film.object = path.read_bytes()
-        self.orbit.tabs.active = [*self.orbit.tabs].index(self._film)
+        self._film[0].object = path.read_bytes()
+        if self._film not in [*self._tabs]:
+            self._tabs.append(("Film", self._film))
+        self._tabs.active = [*self._tabs].index(self._film)
 
     def added(self, entry: Entry) -> None:
         """Show a result that has come."""
-        if isinstance(entry.step, Follow):
-            x, y = entry.step.parameters
-            self.diagram.set_axes(x, y)
+        self.diagram.follow(entry.result)
         if entry.step.noun in ("orbit", "equilibrium", "motion"):
             self.session.settings.selected = Place(of=entry.name)
         if entry.step.noun == "motion":
@@ -228,6 +268,7 @@ class Page(Listener):
     def changed(self) -> None:
         """Show what another page has changed."""
         self.diagram.set_axes(*self.session.settings.axes)
+        self.points.forget_gone()
         self.parameters.show()
         self.numerics.show()
         self._show_all()
@@ -261,6 +302,7 @@ class Page(Listener):
     def _show_all(self) -> None:
         self.diagram.redraw()
         self.list.show(self.diagram.colour, self.diagram.unseen)
+        self.points.show()
         self.undo.disabled = not self.session.entries
         self._show_selected()
         self._tell_script()

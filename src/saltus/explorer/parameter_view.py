@@ -64,7 +64,10 @@ class ParameterView:
             return
         settings, mode = self._session.settings, self._mode.value or None
         parameters = {name: field.value for name, field in self._fields.items()}
-        x0 = tuple(float(widget.value or 0.0) for widget in self._starts)
+        if any(widget.value is None for widget in self._starts):
+            self.show()  # an emptied field is put back
+            return
+        x0 = tuple(float(widget.value) for widget in self._starts)
         if (parameters, x0, mode) != (settings.parameters, settings.x0, settings.mode):
             settings.parameters, settings.x0, settings.mode = parameters, x0, mode
             self._changed()

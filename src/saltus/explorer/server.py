@@ -62,6 +62,7 @@ def _template(office: Office, page: Page, sessions: SessionView) -> Any:
     made.add_panel("sessions", sessions.panel)
     subject = page.session.subject
     made.add_variable("page_style", look.page_style())
+    made.add_variable("page_script", look.page_script())
     made.add_variable("session", page.session.folder.name)
     title = page.session.system.name or Path(subject.key).name
     made.add_variable("tab", f"{page.session.name or title} · saltus")

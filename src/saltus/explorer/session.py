@@ -54,6 +54,10 @@ class Settings:
     mode: str | None = None  # mode of the start
     sets: dict[str, dict[str, Any]] = field(default_factory=dict)  # values of parameters and start, saved by name
     axes: tuple[str, ...] = ()  # what the diagram shows: abscissa and ordinate; empty for the default ones
+    fixed: set[str] = field(default_factory=set)  # which axes the user chose, ``"x"``, ``"y"``: others follow results
+    chosen: dict[str, str] = field(default_factory=dict)  # parameters by what they are chosen for, as ``"sweep"``
+    # ranges that were typed, by what they are for and by parameter
+    ranges: dict[str, dict[str, tuple[float, float]]] = field(default_factory=dict)
     planes: tuple[str, ...] = ()  # what the phase portrait shows
     selected: Place | None = None  # the solution that the right side shows
     hidden: set[str] = field(default_factory=set)  # names of results that are not drawn
@@ -191,6 +195,9 @@ class Session:
             "mode": kept.mode,
             "sets": kept.sets,
             "axes": list(kept.axes),
+            "fixed": sorted(kept.fixed),
+            "chosen": kept.chosen,
+            "ranges": kept.ranges,
             "planes": list(kept.planes),
             "selected": None if kept.selected is None else kept.selected.model_dump(),
             "hidden": sorted(kept.hidden),
@@ -273,8 +280,7 @@ class Session:
         """Return a session of notes and results, both checked here."""
         try:
             key, definition, lines, x0, ranges = notes["subject"]
-            ends = {str(name): (float(low), float(high)) for name, (low, high) in ranges.items()}
-            subject = Subject(str(key), str(definition), tuple(map(str, lines)), tuple(map(float, x0)), ends)
+            subject = Subject(str(key), str(definition), tuple(map(str, lines)), tuple(map(float, x0)), _ranges(ranges))
             system_of(subject.definition)
             session = cls(subject, folder)
             session.name = str(notes.get("name", ""))
@@ -288,6 +294,9 @@ class Session:
             kept.sets, kept.hidden = dict(notes["sets"]), set(map(str, notes["hidden"]))
             kept.axes, kept.planes = tuple(map(str, notes["axes"])), tuple(map(str, notes["planes"]))
             kept.numerics = Numerics.model_validate(notes.get("numerics", {}))
+            kept.fixed = set(map(str, notes.get("fixed", ())))
+            kept.chosen = {str(use): str(name) for use, name in notes.get("chosen", {}).items()}
+            kept.ranges = {str(use): _ranges(given) for use, given in notes.get("ranges", {}).items()}
             kept.selected = None if notes["selected"] is None else Place.model_validate(notes["selected"])
         except SaltusError:
             raise
@@ -393,6 +402,10 @@ def _checked(text: object, place: Path) -> Mapping[str, Any]:
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError("session", str(place), "a file or folder of a session", f"{type(error).__name__}") from None
     return notes
+
+
+def _ranges(plain: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    return {str(name): (float(low), float(high)) for name, (low, high) in plain.items()}
 
 
 def _names(notes: Mapping[str, Any]) -> list[str]:

@@ -13,6 +13,7 @@ from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.flow import Trajectory
 from saltus.orbits import PeriodicOrbit
+from saltus.plotting.linear_motions import linear_motions
 from saltus.plotting.orbit import segments_of, unwrapped_parts
 from saltus.plotting.trajectory import flights_of
 from saltus.solution import Solution
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["EXTREMES", "Path", "Traits", "observable_of", "path_of", "quantity_of", "readings_of", "traits_of"]
 
 EXTREMES = ("min", "max")
+_ZERO = 1e-12  # size of a mean, over that of the extremes, below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -105,10 +107,23 @@ def _(motion: Trajectory, names: tuple[str, str]) -> Path:
 
 
 @path_of.register
+def _(rest: Equilibrium, names: tuple[str, str]) -> Path:
+    curves, mode = linear_motions(rest, names), rest.system.mode_index(rest.mode)
+    return Path(curves, [mode] * len(curves), _at_rest(rest, names))
+
+
+@path_of.register
 def _(solution: Solution, names: tuple[str, str]) -> Path:
+    return Path(events=_at_rest(solution, names))
+
+
+def _at_rest(solution: Solution, names: tuple[str, str]) -> NDArray[np.float64]:
+    """Return where a solution is in two quantities; shape (place, 2)."""
     places, states = solution.states_along()
     columns = {"t": places, **dict(zip(solution.system.states, states.T, strict=True))}
-    return Path(events=np.column_stack([columns.get(name, np.zeros(len(places))) for name in names]))
+    if unknown := [name for name in names if name not in columns]:
+        raise InputError("quantity", unknown[0], f"one of {', '.join(columns)} for {solution.noun}")
+    return np.column_stack([columns[name] for name in names])
 
 
 def _cut(
@@ -152,7 +167,12 @@ def _(orbit: PeriodicOrbit, instrument: Callable[[Any], Mapping[str, Any]]) -> M
     names = [*orbit.system.states, *orbit.system.output_names]
     texts = [f"{kind}({name})" for name in names for kind in (*EXTREMES, "mean")]
     texts += [f"{kind}({name}, 1)" for name in names[:1] for kind in ("amplitude", "phase")]
-    own = {"period": orbit.period, "signature": path, **orbit.observe(*texts)}
+    found = orbit.observe(*texts)
+    for name in names:  # what is rounding beside the extremes reads 0
+        kinds = [f"{kind}({name})" for kind in (*EXTREMES, "mean")]
+        size = max(abs(found[kind]) for kind in kinds)
+        found |= {kind: 0.0 for kind in kinds if abs(found[kind]) < _ZERO * size}
+    own = {"period": orbit.period, "signature": path, **found}
     return {**instrument(orbit), **own, **orbit.parameters}
 
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from saltus.errors import SaltusError
+from saltus.errors import InputError, SaltusError
 from saltus.explorer.solutions import quantity_of
 from saltus.explorer.steps import step_from
 from saltus.explorer.subjects import system_of
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from saltus.progress import Progress, Report
     from saltus.result import Result
 
-__all__ = ["Outcome", "prepare", "take", "warm"]
+__all__ = ["Outcome", "normal_forms", "prepare", "take", "warm"]
 
 
 _PACE = 0.1  # seconds between two solutions whose place is told, at least
@@ -111,3 +111,25 @@ def warm(definition: str, x0: tuple[float, ...], progress: Report | bool) -> Non
     with warnings.catch_warnings(), suppress(SaltusError):  # whoever asks for basins is told
         warnings.simplefilter("ignore")
         map_basins(system, {}, grid, find_attractors(system, {}, region, options=AttractorOptions(starts=2, motions=8)))
+
+
+def normal_forms(result: Any, progress: Report | bool) -> dict[str, str]:
+    """Return the normal forms of the special points of a curve in words, by label; of types without one nothing.
+
+    Parameters
+    ----------
+    result : Branch, Locus or another curve
+        The curve.
+    progress : callable or bool
+        Not used.
+    """
+    found: dict[str, str] = {}
+    for point in result.special_points:
+        try:
+            found[point.label] = repr(point.normal_form).partition(": ")[2]
+        except InputError as error:
+            if error.args[0] != "type":
+                found[point.label] = f"none: {error}"
+        except SaltusError as error:
+            found[point.label] = f"none: {error}"
+    return found

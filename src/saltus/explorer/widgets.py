@@ -34,6 +34,7 @@ __all__ = [
     "upload",
 ]
 
+_FILM = 640  # pixels of a film's width
 _MARGIN = (2, 4)  # pixels above and below, left and right
 
 
@@ -152,9 +153,10 @@ def bar() -> Any:
     return pn.indicators.Progress(value=0, max=100, width=150, margin=(10, 8), visible=False)
 
 
-def pane(made: Any, *, high: bool = False) -> Any:
-    """Return a figure as a part of a page, as wide as there is room; `high`: as high, too."""
-    return pn.pane.Bokeh(made, sizing_mode="stretch_both" if high else "stretch_width", margin=0)
+def pane(made: Any, *, high: bool = False, fixed: bool = False) -> Any:
+    """Return a figure as a part of a page, as wide as there is room; `high`: as high, too; `fixed`: of its own size."""
+    mode = "fixed" if fixed else ("stretch_both" if high else "stretch_width")
+    return pn.pane.Bokeh(made, sizing_mode=mode, margin=0)
 
 
 def row(*parts: Any, name: str = "", wrap: bool = False) -> Any:
@@ -185,5 +187,6 @@ def tabs(**parts: Any) -> Any:
 
 
 def film() -> Any:
-    """Return a place for a film, empty."""
-    return pn.pane.GIF(None, sizing_mode="scale_width", margin=8)
+    """Return a place for a film, empty: it has its own size, in which its texts are legible, and scrolls."""
+    shown = pn.pane.GIF(None, sizing_mode="fixed", width=_FILM, margin=8)
+    return pn.Column(shown, margin=0, sizing_mode="stretch_width", styles={"overflow-x": "auto"}, css_classes=["film"])

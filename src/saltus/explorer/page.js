@@ -1,0 +1,94 @@
+// Keys, and buttons in lists and tables: what they ask for goes to the server as a wish.
+{
+  const modelOf = name => {
+    const owner = Bokeh.documents.find(known => known.get_model_by_name(name) != null)
+    return owner?.get_model_by_name(name)
+  }
+  let said = 0
+  const wish = asked => {
+    const model = modelOf('wishes')
+    if (model) model.data = {wish: [JSON.stringify(asked)], at: [++said]}
+  }
+
+  document.addEventListener('click', event => {
+    for (const node of event.composedPath()) {
+      if (node.dataset?.copy) return navigator.clipboard.writeText(node.dataset.copy)
+      if (node.dataset?.wish) return wish(JSON.parse(node.dataset.wish))
+    }
+  })
+
+  // steps of a key that is held come together, so that the server keeps up
+  let ahead = 0, waiting = null
+  const step = count => {
+    ahead += count
+    waiting ??= setTimeout(() => {
+      const whole = ahead
+      ahead = 0
+      waiting = null
+      if (whole) wish(['step', whole, false])
+    }, 60)
+  }
+
+  const zoom = share => {
+    const figure = modelOf('diagram-figure')
+    for (const range of [figure.x_range, figure.y_range]) {
+      const middle = 0.5 * (range.start + range.end), half = 0.5 * share * (range.end - range.start)
+      range.setv({start: middle - half, end: middle + half})
+    }
+    wish(['name'])
+  }
+  const whole = () => {
+    const figure = modelOf('diagram-figure')
+    for (const range of [figure.x_range, figure.y_range]) range.setv({start: range.reset_start, end: range.reset_end})
+    wish(['name'])
+  }
+
+  const keys = {
+    ArrowRight: event => step(event.shiftKey ? 10 : 1),
+    ArrowLeft: event => step(event.shiftKey ? -10 : -1),
+    ArrowUp: () => wish(['step', 1, true]),
+    ArrowDown: () => wish(['step', -1, true]),
+    Home: () => wish(['step', -1e9, false]),
+    End: () => wish(['step', 1e9, false]),
+    '+': () => zoom(0.8),
+    '-': () => zoom(1.25),
+    0: whole,
+  }
+
+  // what takes no part in the order of the tabulator by itself
+  const reach = root => {
+    for (const node of root.querySelectorAll('*')) {
+      if (node.classList.contains('bk-tab')) {
+        node.tabIndex = 0
+        node.setAttribute('role', 'tab')
+      }
+      if (node.shadowRoot) reach(node.shadowRoot)
+    }
+  }
+
+  const beside = (button, way) => { // the button of the row above or below
+    const rows = [...button.closest('table').querySelectorAll('button.point')]
+    rows[rows.indexOf(button) + way]?.focus()
+  }
+
+  document.addEventListener('keydown', event => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return
+    const path = event.composedPath(), at = path[0]
+    if (event.key == 'Tab') return reach(document)
+    if (event.key == 'Escape') return wish(['close'])
+    if (at.classList?.contains('bk-tab') && ['Enter', ' '].includes(event.key)) {
+      event.preventDefault()
+      return at.click()
+    }
+    if (at.classList?.contains('point') && ['ArrowUp', 'ArrowDown'].includes(event.key)) {
+      event.preventDefault()
+      return beside(at, event.key == 'ArrowUp' ? -1 : 1)
+    }
+    const free = at === document.body || path.some(node => node.classList?.contains('diagram'))
+      && !['INPUT', 'SELECT', 'BUTTON', 'A'].includes(at.tagName)
+    if (free && keys[event.key]) {
+      event.preventDefault()
+      keys[event.key](event)
+    }
+  })
+}
