@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.action_view import ActionView, StartView
+from saltus.explorer.basin_search import Search, map_plane
 from saltus.explorer.basin_view import BasinView
 from saltus.explorer.desk import Desk, Listener, Work
 from saltus.explorer.diagram_view import DiagramView
@@ -21,7 +22,6 @@ from saltus.explorer.numerics_view import NumericsView
 from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
-from saltus.explorer.plane import Search, map_plane
 from saltus.explorer.points.stepping import stepped
 from saltus.explorer.points.view import PointView
 from saltus.explorer.points.wishes import Wishes

@@ -1,6 +1,6 @@
 """Basins over a plane come after a search, coarsely then finely."""
 
-from saltus.explorer.plane import Search, map_plane
+from saltus.explorer.basin_search import Search, map_plane
 from saltus.explorer.steps import Attract, Basin
 
 REGION = {"z": (0.0, 2.0), "v": (-1.0, 4.0)}
