@@ -247,10 +247,9 @@ class OrbitProblem:
 
     def flow_at_start(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vector field where the first segment starts, shape (n,)."""
-        self.set_parameters(u)
         slope = np.empty(self.n)
-        x = np.ascontiguousarray(u[: self.n])
-        self.system.compiled.call("field", int(self.modes[0]), 0, x, self.extended, slope)
+        given = self._functions, self.modes, u, self.size, self._active, self.scales, self.extended
+        self.equations.starting_flow(*given, slope)
         return slope
 
     def _find_least(self, blocks: NDArray[np.float64]) -> None:

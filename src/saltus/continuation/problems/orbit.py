@@ -150,11 +150,10 @@ class OrbitZeroProblem:
     def _adjust(self, u: NDArray[np.float64]) -> None:
         """Take typical sizes from an orbit."""
         problem = self.problem
-        self._block, self._scale = np.zeros(self.n + 1), np.ones(problem.size + self.further + 1)
-        self._block[:-1] = 1.0 / problem.common_scale**2
-        table = self._scale[: problem.size].reshape(problem.segments, self.n + 1)
-        table[:, : self.n] = problem.state_scale
-        table[:, self.n] = np.abs(u[self.n : problem.size : self.n + 1]).sum()
+        self._block, self._scale = np.empty(self.n + 1), np.empty(problem.size + self.further + 1)
+        total = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
+        sizes = problem.common_scale, problem.state_scale
+        problem.equations.units(*sizes, total, problem.segments, self._block, self._scale)
 
     def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
         """Return a determinant over its first size and over the factor of the phase condition."""
