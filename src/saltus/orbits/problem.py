@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,6 +38,7 @@ _NO_STEPS = np.empty((0, 2))
 _DISCRETISATION = (
     "mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
 )  # fmt: skip
+_BEGUN = "_surface_rows", "_anchor", "begun"  # what `start` leaves besides
 
 
 @dataclass
@@ -199,6 +200,12 @@ class OrbitProblem:
             setattr(self, name, _apart(value))
         self._errors = np.zeros(self.mesh[0].size)
 
+    def copied(self) -> OrbitProblem:
+        """Return the same equations as `start` left them, with meshes and sizes of their own."""
+        other = replace(self)
+        other.take(self.kept() | {name: getattr(self, name) for name in _BEGUN})
+        return other
+
     @property
     def phase_plane(self) -> NDArray[np.float64]:
         """Point and normal, shape (2 n,), of the plane on which a closed curve's first segment starts."""
@@ -318,9 +325,11 @@ class OrbitProblem:
         return self.stiff
 
     def _move(self, limit: float) -> bool:
-        fine, changed, *mesh = self._meshes.moved(*self.mesh, self._errors, limit, self._worst, FEW * self.segments)
-        if changed:
-            self._use(*mesh)
+        (places, starts), most = self.mesh, FEW * self.segments
+        fresh, ends = np.empty(3 * places.size + 8 * self.segments), np.empty_like(starts)
+        fine, count = self._meshes.moved(places, starts, self._errors, limit, self._worst, most, fresh, ends)
+        if count > 0:
+            self._use(fresh[:count].copy(), ends)
         return bool(fine)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -147,6 +147,11 @@ class OrbitZeroProblem:
                     float(s.lows[q] if side == "min" else s.highs[q]) - v
                 )
 
+    def like(self, other: OrbitZeroProblem, u: NDArray[np.float64]) -> None:
+        """Take the sizes of determinants from other equations, and typical sizes from an orbit."""
+        self._logs = dict(other._logs)
+        self._adjust(u)
+
     def _adjust(self, u: NDArray[np.float64]) -> None:
         """Take typical sizes from an orbit."""
         problem = self.problem
@@ -198,9 +203,8 @@ class OrbitZeroProblem:
         if found.told != records.CONVERGED:
             return _UNSOLVED[found.told]
         direction = found.direction / math.sqrt(float(weights @ found.direction**2))
-        return Point(
-            found.u, found.J, direction, weights, found.sign, found.log, found.residual, found.iterations
-        )  # fmt: skip
+        _, u, J, _, *rest = found
+        return Point(u, J, direction, weights, *rest)
 
     def accurate(self) -> bool:
         """Return whether the meshes were fine enough at the last evaluation; refine them where they were not."""

@@ -28,6 +28,7 @@ from saltus.continuation.problems.ends.unbounded import (
 )
 from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
+from saltus.continuation.problems.retries import copied
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs import beyond
@@ -47,7 +48,7 @@ from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature
 from saltus.orbits.unfolding import Fixed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -151,6 +152,10 @@ class OrbitRun(OneParameterRun):
         point.examined = finer.examine(point, None)
         step = item.arc - half.points[-2][1].arc if len(half.points) > 1 else self.control.initial
         return finer, point, step
+
+    def again(self, piece: OrbitZeroProblem, point: Point) -> Callable[[], tuple[OrbitZeroProblem, Point]]:
+        """See `Run.again`."""
+        return self.begin if piece.further else copied(piece, point, self.zero_problem)
 
     def begin(self) -> tuple[OrbitZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
