@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,8 +37,8 @@ _NONE = np.empty(0)
 _NO_STEPS = np.empty((0, 2))
 _DISCRETISATION = (
     "mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
+    "_surface_rows", "begun",
 )  # fmt: skip
-_BEGUN = "_surface_rows", "_anchor", "begun"  # what `start` leaves besides
 
 
 @dataclass
@@ -200,12 +200,6 @@ class OrbitProblem:
             setattr(self, name, _apart(value))
         self._errors = np.zeros(self.mesh[0].size)
 
-    def copied(self) -> OrbitProblem:
-        """Return the same equations as `start` left them, with meshes and sizes of their own."""
-        other = replace(self)
-        other.take(self.kept() | {name: getattr(self, name) for name in _BEGUN})
-        return other
-
     @property
     def phase_plane(self) -> NDArray[np.float64]:
         """Point and normal, shape (2 n,), of the plane on which a closed curve's first segment starts."""
@@ -352,8 +346,7 @@ class OrbitProblem:
 
     def correct(self, plane: tuple[Any, ...], numbers: NDArray[np.float64], written: tuple[Any, ...]) -> int:
         """Call `saltus.orbits.kernels.newton.newton` on the meshes as they are; `written` are u, F, J and steps."""
-        u, F, J, steps = written
-        tolerances, phase = (self.tol, self._atol), (self._anchor, self._shares)
+        (u, F, J, steps), tolerances, phase = written, (self.tol, self._atol), (self._anchor, self._shares)
         given = self.record, self.mesh, phase, tolerances, plane, numbers
         told = self.newton.newton(*given, u, F, J, self._errors, steps)
         self._worst = float(numbers[self.newton.WORST])

@@ -156,9 +156,8 @@ class OrbitZeroProblem:
         """Take typical sizes from an orbit."""
         problem = self.problem
         self._block, self._scale = np.empty(self.n + 1), np.empty(problem.size + self.further + 1)
-        total = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
-        sizes = problem.common_scale, problem.state_scale
-        problem.equations.units(*sizes, total, problem.segments, self._block, self._scale)
+        sizes = problem.common_scale, problem.state_scale, float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
+        problem.equations.units(*sizes, problem.segments, self._block, self._scale)
 
     def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
         """Return a determinant over its first size and over the factor of the phase condition."""
@@ -203,8 +202,8 @@ class OrbitZeroProblem:
         if found.told != records.CONVERGED:
             return _UNSOLVED[found.told]
         direction = found.direction / math.sqrt(float(weights @ found.direction**2))
-        _, u, J, _, *rest = found
-        return Point(u, J, direction, weights, *rest)
+        numbers = found.sign, found.log, found.residual, found.iterations
+        return Point(found.u, found.J, direction, weights, *numbers)
 
     def accurate(self) -> bool:
         """Return whether the meshes were fine enough at the last evaluation; refine them where they were not."""
@@ -216,9 +215,8 @@ class OrbitZeroProblem:
 
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return weights by the trapezoidal rule over the period; a segment of zero length contributes nothing."""
-        problem = self.problem
-        weights = np.empty(problem.size + self.further + 1)
-        problem.equations.metric(u, problem.segments, self.n, self._block, weights)
+        weights = np.empty(self.problem.size + self.further + 1)
+        self.problem.equations.metric(u, self.problem.segments, self.n, self._block, weights)
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:

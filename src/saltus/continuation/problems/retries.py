@@ -68,7 +68,10 @@ def copied(
     make : callable
         Makes the zero problem of segment equations near unknowns.
     """
-    problem, examined = branch.problem.copied(), replace(point.examined, monitors=dict(point.examined.monitors))
+    problem = replace(branch.problem)
+    problem.take(branch.problem.kept())
+    problem.phase_plane = branch.problem.phase_plane.copy()
+    examined = replace(point.examined, monitors=dict(point.examined.monitors))
     arrays = {name: getattr(point, name).copy() for name in ("u", "J", "tangent", "weights")}
     fresh, first = make(problem, arrays["u"]), replace(point, examined=examined, **arrays)
     fresh.like(branch, arrays["u"])

@@ -396,8 +396,7 @@ class OrbitRun(OneParameterRun):
 
     def found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
         """See `OneParameterRun.found`."""
-        point, orbit = event.point, self.orbit_of(branch, event.point)
-        value = event.value
+        point, orbit, value = event.point, self.orbit_of(branch, event.point), event.value
         if name == "PD":
             finite = orbit.multipliers[np.isfinite(orbit.multipliers)]
             value = float(np.abs(finite + 1.0).min())
