@@ -314,7 +314,9 @@ def passage(before: Sequence[complex], values: Sequence[complex]) -> Passage:
     old, new = [_spot(value) for value in before], [_spot(value) for value in values]
     away = [[math.dist(a, b) for b in new] for a in old]
     chosen, taken = [-1] * len(values), set[int]()
-    for _, i, j in sorted([(away[i][j], i, j) for i in every for j in every]):
+    distances = [distance for row in away for distance in row]
+    for place in sorted(range(len(distances)), key=distances.__getitem__):
+        i, j = divmod(place, len(values))
         if chosen[i] < 0 and j not in taken:
             chosen[i] = j
             taken.add(j)
