@@ -1,4 +1,4 @@
-"""The start of a branch, copied for its second direction: whatever the first direction leaves, nothing of it is seen."""
+"""The start of a branch, copied for its second direction: nothing is seen of what the first direction leaves."""
 
 import numpy as np
 import pytest
