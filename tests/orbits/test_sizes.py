@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from saltus.orbits.kernels.mesh import UNSTABLE, moved
-from saltus.orbits.kernels.sizes import resized
+from saltus.orbits.kernels.sizes import resized, swollen
 from saltus.orbits.resting import at_rest
 
 LIMITS = (1e-9, 1e-3)
@@ -51,15 +51,27 @@ def test_sizes_stay_where_an_extreme_is_not_finite(high):
 def test_steps_that_may_be_unstable_are_halved():
     meshes = [np.array([0.0, 0.2, 1.0]), np.array([0.0, 0.5, 0.6, 1.0])]
     places, starts = np.concatenate(meshes), np.array([0, 3, 7])
-    fine, changed, fresh, ends = moved(places, starts, np.zeros(7), 5.0, 2.0 * UNSTABLE, 500)
-    assert (fine, changed, ends.tolist()) == (False, True, [0, 5, 12])
-    for mesh, own in zip(meshes, np.split(fresh, ends[1:-1]), strict=True):
+    fresh, ends = np.empty(3 * places.size + 16), np.empty_like(starts)
+    fine, count = moved(places, starts, np.zeros(7), 5.0, 2.0 * UNSTABLE, 500, fresh, ends)
+    assert (fine, count, ends.tolist()) == (False, 12, [0, 5, 12])
+    for mesh, own in zip(meshes, np.split(fresh[:count], ends[1:-1]), strict=True):
         np.testing.assert_allclose(own, np.interp(np.arange(2 * mesh.size - 1) / 2, np.arange(mesh.size), mesh))
 
 
 def test_meshes_stay_where_errors_are_small_or_not_finite():
     places, starts = np.linspace(0.0, 1.0, 5), np.array([0, 5])
     for errors, fine in ((np.full(5, 0.5), True), (np.full(5, np.nan), True), (np.full(5, np.inf), False)):
-        told, changed, fresh, _ = moved(places, starts, errors, 1.0, 1.0, 500)
-        assert (told, changed) == (fine, False)
-        assert fresh is places or np.array_equal(fresh, places)
+        assert moved(places, starts, errors, 1.0, 1.0, 500, np.empty(23), np.empty_like(starts)) == (fine, 0)
+
+
+def test_an_orbit_has_swollen_by_its_range_or_its_distance():
+    before = np.array([0.0, -1e-9]), np.array([1.0, 1e-9])
+    for lows, highs, wanted in (
+        ([0.0, 0.0], [1.1, 0.0], False),
+        ([0.0, 0.0], [101.0, 0.0], True),  # a range
+        ([-200.0, 0.0], [-199.5, 0.0], True),  # a distance
+        ([0.0, 50.0], [1.0, 50.0], True),  # of a state that is small at first: over a tenth of the largest
+        ([0.0, 5.0], [1.0, 5.0], False),
+        ([0.0, np.nan], [1.0, 1e9], False),
+    ):
+        assert swollen(before, (np.array(lows), np.array(highs)), 2, 100.0, 0.1) == wanted, lows

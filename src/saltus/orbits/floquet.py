@@ -69,17 +69,17 @@ def multipliers(
     Dankowicz and Schilder, Recipes for Continuation, SIAM 2013, ch. 9; Leine and Nijmeijer, Dynamics and Bifurcations
     of Non-Smooth Mechanical Systems, Springer 2004, ch. 7.
     """
-    problem.set_parameters(u)
     if CUT_END in problem.signature.kinds:
+        problem.set_parameters(u)
         return _of_pieces(problem, u, J, flows)
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
     closing, autonomous = problem.signature.kinds[0], problem.system.phase is None
-    flow = np.zeros(n)
     if autonomous or closing != PHASE_END:
-        mode, x = int(problem.modes[0]), np.ascontiguousarray(u[:n])
-        problem.system.compiled.call("field", mode, 0, x, problem.extended, flow)
-    flow /= problem.state_scale
+        flow = problem.flow_at_start(u) / problem.state_scale
+    else:  # no event but the period's end: no flow is taken out
+        problem.set_parameters(u)
+        flow = np.zeros(n)
     period = float(np.abs(u[n : problem.size : n + 1]).sum())
     problem.pencils.pencil(J, problem.kinds, n, flow, problem.state_scale, period, P, R)
     if closing == PHASE_END:
@@ -314,7 +314,9 @@ def passage(before: Sequence[complex], values: Sequence[complex]) -> Passage:
     old, new = [_spot(value) for value in before], [_spot(value) for value in values]
     away = [[math.dist(a, b) for b in new] for a in old]
     chosen, taken = [-1] * len(values), set[int]()
-    for _, i, j in sorted([(away[i][j], i, j) for i in every for j in every]):
+    distances = [distance for row in away for distance in row]
+    for place in sorted(range(len(distances)), key=distances.__getitem__):
+        i, j = divmod(place, len(values))
         if chosen[i] < 0 and j not in taken:
             chosen[i] = j
             taken.add(j)

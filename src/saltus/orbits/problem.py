@@ -37,6 +37,7 @@ _NONE = np.empty(0)
 _NO_STEPS = np.empty((0, 2))
 _DISCRETISATION = (
     "mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
+    "_surface_rows", "begun",
 )  # fmt: skip
 
 
@@ -247,10 +248,9 @@ class OrbitProblem:
 
     def flow_at_start(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vector field where the first segment starts, shape (n,)."""
-        self.set_parameters(u)
         slope = np.empty(self.n)
-        x = np.ascontiguousarray(u[: self.n])
-        self.system.compiled.call("field", int(self.modes[0]), 0, x, self.extended, slope)
+        given = self._functions, self.modes, u, self.size, self._active, self.scales, self.extended
+        self.equations.starting_flow(*given, slope)
         return slope
 
     def _find_least(self, blocks: NDArray[np.float64]) -> None:
@@ -319,9 +319,11 @@ class OrbitProblem:
         return self.stiff
 
     def _move(self, limit: float) -> bool:
-        fine, changed, *mesh = self._meshes.moved(*self.mesh, self._errors, limit, self._worst, FEW * self.segments)
-        if changed:
-            self._use(*mesh)
+        (places, starts), most = self.mesh, FEW * self.segments
+        fresh, ends = np.empty(3 * places.size + 8 * self.segments), np.empty_like(starts)
+        fine, count = self._meshes.moved(places, starts, self._errors, limit, self._worst, most, fresh, ends)
+        if count > 0:
+            self._use(fresh[:count].copy(), ends)
         return bool(fine)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -344,8 +346,7 @@ class OrbitProblem:
 
     def correct(self, plane: tuple[Any, ...], numbers: NDArray[np.float64], written: tuple[Any, ...]) -> int:
         """Call `saltus.orbits.kernels.newton.newton` on the meshes as they are; `written` are u, F, J and steps."""
-        u, F, J, steps = written
-        tolerances, phase = (self.tol, self._atol), (self._anchor, self._shares)
+        (u, F, J, steps), tolerances, phase = written, (self.tol, self._atol), (self._anchor, self._shares)
         given = self.record, self.mesh, phase, tolerances, plane, numbers
         told = self.newton.newton(*given, u, F, J, self._errors, steps)
         self._worst = float(numbers[self.newton.WORST])

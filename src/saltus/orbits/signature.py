@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -183,8 +182,7 @@ def events_between(system: HybridSystem, segments: Sequence[Segment]) -> NDArray
     return np.array(rows, dtype=fields)
 
 
-@dataclass(frozen=True)
-class Survey:
+class Survey(NamedTuple):
     """What a dense look at an orbit shows."""
 
     faults: int  # bits of what makes the orbit no motion of the system; 0 for an admissible orbit
@@ -222,11 +220,6 @@ class Survey:
     # is the phase; without a phase it grows by 2 pi in a period
     moments: NDArray[np.float64]
     implicit: bool = False  # whether the flow is stiff, and was followed by implicit steps
-
-    def __post_init__(self) -> None:
-        undefined = np.isnan(self.moments[:, 0])
-        if undefined.any():
-            self.lows[undefined] = self.highs[undefined] = math.nan
 
     @property
     def means(self) -> NDArray[np.float64]:

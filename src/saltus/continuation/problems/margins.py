@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -129,7 +128,7 @@ def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], s
         end = problem.signature.transitions[grazing.segment]
         failed = np.delete(survey.rates[:, 3], grazing.segment) <= 0.0
         kept = ~DIRECTION if end not in problem.system.velocity_conditions or failed.any() else ~(DIRECTION | WHEN)
-        return replace(survey, faults=survey.faults & kept)
+        return survey._replace(faults=survey.faults & kept)
     kept, durations = survey.faults, u[problem.n : problem.size : problem.n + 1]
     zero = np.flatnonzero(np.abs(durations) < TOUCHING * np.abs(durations).sum()).tolist()
     beside = {grazing.segment, *zero, *((i - 1) % problem.segments for i in zero)}
@@ -138,7 +137,7 @@ def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], s
         kept &= ~WHEN
     if grazing.kind == "duration" and np.all(durations[others] > 0.0):
         kept &= ~DURATION
-    return replace(survey, faults=kept)
+    return survey._replace(faults=kept)
 
 
 def passing(problem: OrbitProblem, segment: int, transition: int) -> float:

@@ -147,14 +147,17 @@ class OrbitZeroProblem:
                     float(s.lows[q] if side == "min" else s.highs[q]) - v
                 )
 
+    def like(self, other: OrbitZeroProblem, u: NDArray[np.float64]) -> None:
+        """Take the sizes of determinants from other equations, and typical sizes from an orbit."""
+        self._logs = dict(other._logs)
+        self._adjust(u)
+
     def _adjust(self, u: NDArray[np.float64]) -> None:
         """Take typical sizes from an orbit."""
         problem = self.problem
-        self._block, self._scale = np.zeros(self.n + 1), np.ones(problem.size + self.further + 1)
-        self._block[:-1] = 1.0 / problem.common_scale**2
-        table = self._scale[: problem.size].reshape(problem.segments, self.n + 1)
-        table[:, : self.n] = problem.state_scale
-        table[:, self.n] = np.abs(u[self.n : problem.size : self.n + 1]).sum()
+        self._block, self._scale = np.empty(self.n + 1), np.empty(problem.size + self.further + 1)
+        sizes = problem.common_scale, problem.state_scale, float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
+        problem.equations.units(*sizes, problem.segments, self._block, self._scale)
 
     def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
         """Return a determinant over its first size and over the factor of the phase condition."""
@@ -199,9 +202,8 @@ class OrbitZeroProblem:
         if found.told != records.CONVERGED:
             return _UNSOLVED[found.told]
         direction = found.direction / math.sqrt(float(weights @ found.direction**2))
-        return Point(
-            found.u, found.J, direction, weights, found.sign, found.log, found.residual, found.iterations
-        )  # fmt: skip
+        numbers = found.sign, found.log, found.residual, found.iterations
+        return Point(found.u, found.J, direction, weights, *numbers)
 
     def accurate(self) -> bool:
         """Return whether the meshes were fine enough at the last evaluation; refine them where they were not."""
@@ -213,9 +215,8 @@ class OrbitZeroProblem:
 
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return weights by the trapezoidal rule over the period; a segment of zero length contributes nothing."""
-        problem = self.problem
-        weights = np.empty(problem.size + self.further + 1)
-        problem.equations.metric(u, problem.segments, self.n, self._block, weights)
+        weights = np.empty(self.problem.size + self.further + 1)
+        self.problem.equations.metric(u, self.problem.segments, self.n, self._block, weights)
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:

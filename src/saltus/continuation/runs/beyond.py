@@ -208,5 +208,5 @@ def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
 def without_rounding(examined: Examined) -> Examined:
     """Return what is known of a point without the faults that are rounding where the signature changes."""
     data: OrbitData = examined.data
-    survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
+    survey = data.survey._replace(faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
     return replace(examined, data=replace(data, survey=survey))

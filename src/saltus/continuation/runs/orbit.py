@@ -12,6 +12,7 @@ from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
 from saltus.continuation.problems.changes import type_of_change
+from saltus.continuation.problems.copies import copied
 from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
@@ -47,7 +48,7 @@ from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature
 from saltus.orbits.unfolding import Fixed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -155,6 +156,10 @@ class OrbitRun(OneParameterRun):
         point.examined = finer.examine(point, None)
         step = item.arc - half.points[-2][1].arc if len(half.points) > 1 else self.control.initial
         return finer, point, step
+
+    def again(self, piece: OrbitZeroProblem, point: Point) -> Callable[[], tuple[OrbitZeroProblem, Point]]:
+        """See `Run.again`."""
+        return self.begin if piece.further else copied(piece, point, self.zero_problem)
 
     def begin(self) -> tuple[OrbitZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
@@ -395,8 +400,7 @@ class OrbitRun(OneParameterRun):
 
     def found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
         """See `OneParameterRun.found`."""
-        point, orbit = event.point, self.orbit_of(branch, event.point)
-        value = event.value
+        point, orbit, value = event.point, self.orbit_of(branch, event.point), event.value
         if name == "PD":
             finite = orbit.multipliers[np.isfinite(orbit.multipliers)]
             value = float(np.abs(finite + 1.0).min())

@@ -164,7 +164,7 @@ class OrbitLocusRun(TwoParameterRun):
             if event.name.kind == "duration":
                 event.point.u[at * (self.branch.n + 1) + self.branch.n] = 0.0
             data = event.point.examined.data
-            survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
+            survey = data.survey._replace(faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
             event.point.examined = replace(event.point.examined, data=replace(data, survey=survey))
             half.specials = [found for found in half.specials if not self._is_shadow(found, event.point)]
         orbit = self._orbit(event.point)

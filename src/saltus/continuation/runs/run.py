@@ -47,6 +47,10 @@ class Run(ABC):
     def begin(self) -> tuple[Any, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
 
+    def again(self, piece: Any, point: Point) -> Callable[[], tuple[Any, Point]]:
+        """Return what makes the equations and the first point once more, as `begin` has just made them."""
+        return self.begin
+
     @abstractmethod
     def place(self, point: Point) -> str:
         """Return the parameters of a point as text."""
@@ -67,7 +71,7 @@ class Run(ABC):
         """Return the curve in the wanted directions."""
         start = self.begin()
         with self.asked.reporter:
-            halves = traced(start, self.begin, self.trace, self.asked.directions)
+            halves = traced(start, self.again(*start), self.trace, self.asked.directions)
         return join(start, halves, self.curve)
 
     def trace(self, start: tuple[Any, Point], sign: float) -> OneSide:

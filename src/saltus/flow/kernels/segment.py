@@ -278,7 +278,7 @@ def _made_step(at_surface):
     """
 
     @njit(**INNER)
-    def step_kernel(segment, sensitive, s, h, y, slopes, trial, ev, work):
+    def step_kernel(segment, sensitive, s, h, y, slopes, trial, forcing, ev, work):
         """Take a step from y, (length,), into trial; slopes[:length] is set before, slopes[12 length:13 length] after."""
         functions, mode, duration, p, n = segment
         transition, mean, _, params, n_active, columns = sensitive
@@ -289,6 +289,10 @@ def _made_step(at_surface):
             at = i * length
             time = s + C[i] * h
             call(functions[VARY], mode, columns, trial, 0, p, slopes, at)
+            for a in range(
+                n_active
+            ):  # next to `vary`, before its results are read: stored one by one, they must settle
+                call(functions[FIELD_P], mode, params[a], trial, 0, p, forcing, a * n)
             weight = 6.0 * time * (1.0 - time)
             rate = duration * weight
             if mean:
@@ -300,9 +304,8 @@ def _made_step(at_surface):
                 for e in range(n):
                     slopes[at + n + e * columns + columns - 1] += weight * ev[e]
             for a in range(n_active):
-                call(functions[FIELD_P], mode, params[a], trial, 0, p, ev, 0)
                 for e in range(n):
-                    slopes[at + n + e * columns + n + a] += rate * ev[e]
+                    slopes[at + n + e * columns + n + a] += rate * forcing[a * n + e]
             if mean:
                 call(functions[EVENT_X], transition, 0, trial, 0, p, ev, 0)
                 slopes[at + size] = weight * ev[1]
@@ -335,9 +338,10 @@ def flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors):
     size = n * (1 + columns)
     length = size + ((1 + columns) if mean else 0)
     rooted = sensitive.rooted and segment.duration > 0.0
-    block = np.empty(14 * length + 2 + 2 * n + (2 * size + 3 * n + 4 if rooted else 0))
+    block = np.empty(14 * length + 2 + (2 + sensitive.n_active) * n + (2 * size + 3 * n + 4 if rooted else 0))
     slopes, trial, ev = pointer(block, 0), pointer(block, 13 * length), pointer(block, 14 * length)
-    work = pointer(ev, 2 + 2 * n)
+    forcing = pointer(ev, 2 + 2 * n)  # of the active parameters, n each
+    work = pointer(forcing, sensitive.n_active * n)
     for e in range(length):
         y[e] = 0.0
     for e in range(n):
@@ -351,9 +355,9 @@ def flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors):
         s = mesh[step]
         h = mesh[step + 1] - s
         if rooted and step == count - 1:
-            _step_to_surface(segment, sensitive, s, h, y, slopes, trial, ev, work)
+            _step_to_surface(segment, sensitive, s, h, y, slopes, trial, forcing, ev, work)
         else:
-            _step(segment, sensitive, s, h, y, slopes, trial, ev, work)
+            _step(segment, sensitive, s, h, y, slopes, trial, forcing, ev, work)
         largest = 1e-300
         for e in range(n, size):
             largest = max(largest, abs(trial[e]))

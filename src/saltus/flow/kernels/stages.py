@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+from numba import float64
+
 from saltus.flow import tableaux
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, apart, pointer
+from saltus.system.numba_tools.pointers import INNER, apart, outlined, pointer, stack
 
 E3 = tuple(tableaux.ERROR_3.tolist())  # weights of the stages in the error estimate of order 3
 E5 = tuple(tableaux.ERROR_5.tolist())  # weights of the stages in the error estimate of order 5
@@ -58,10 +60,25 @@ def stage(i, slopes, n, h, x, out):
 @njit(**INNER)
 def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
     """Error of a step over its tolerance, from the estimates of order 5 and 3; `used` components from `first` on count."""
+    outlined()
+    fives = stack(float64, 2 * used)
+    threes = pointer(fives, used)
+    _estimates(pointer(slopes, first), n, used, pointer(x, first), pointer(x_end, first), rtol, atol, fives, threes)
     five = three = 0.0
-    for e in range(first, first + used):
+    for e in range(used):
+        five += fives[e] * fives[e]
+        three += threes[e] * threes[e]
+    both = five + 0.01 * three  # 0 too where squares of tiny errors underflow
+    return 0.0 if both == 0.0 else abs(h) * five / math.sqrt(both * used)
+
+
+@njit(**INNER)
+def _estimates(slopes, n, used, x, x_end, rtol, atol, fives, threes):
+    """Write the estimates of order 5 and 3 of `used` components, over their tolerances: a loop that vectorises."""
+    apart()
+    for e in range(used):
         scale = atol + rtol * max(abs(x[e]), abs(x_end[e]))
-        a = (
+        fives[e] = (
             E5[0] * slopes[e]
             + E5[5] * slopes[5 * n + e]
             + E5[6] * slopes[6 * n + e]
@@ -71,7 +88,7 @@ def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
             + E5[10] * slopes[10 * n + e]
             + E5[11] * slopes[11 * n + e]
         ) / scale
-        b = (
+        threes[e] = (
             E3[0] * slopes[e]
             + E3[5] * slopes[5 * n + e]
             + E3[6] * slopes[6 * n + e]
@@ -81,10 +98,6 @@ def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
             + E3[10] * slopes[10 * n + e]
             + E3[11] * slopes[11 * n + e]
         ) / scale
-        five += a * a
-        three += b * b
-    both = five + 0.01 * three  # 0 too where squares of tiny errors underflow
-    return 0.0 if both == 0.0 else abs(h) * five / math.sqrt(both * used)
 
 
 @njit(**INNER)

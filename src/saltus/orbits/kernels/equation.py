@@ -300,6 +300,13 @@ def _on_plane(anchor, start, n, line):
 
 
 @njit(cache=True, error_model="numpy")
+def starting_flow(functions, modes, u, m, active, scales, p, slope):
+    """Take the parameters as `set_parameters` does, and write the vector field where the first segment starts."""
+    take_parameters(functions, u, m, active, scales, p)
+    call(functions[FIELD], modes[0], 0, u, 0, p, slope, 0)
+
+
+@njit(cache=True, error_model="numpy")
 def rate(orbit, mesh, segment, u, gradient, errors):
     """Return the Lie derivative of a segment's event function at its end; its gradient, (m + active,), is written."""
     orbit, mesh = Orbit(*orbit), Mesh(*mesh)
@@ -336,6 +343,24 @@ def _chain(line, row, m, n, kept, columns, y, gradient, per):
         for b in range(n):
             total += gradient[b] * y[n + b * columns + c]
         line[row + c if c < n else m + c - n] += total / per
+
+
+@njit(cache=True, error_model="numpy")
+def units(common, sizes, total, segments, block, scale):
+    """Write typical sizes of the unknowns, and weights of a segment's start in the metric.
+
+    common, sizes: of the states, (n,), shared and own; total: of all durations; block: (n + 1,); scale: (unknowns,).
+    """
+    n = sizes.size
+    for a in range(n):
+        block[a] = 1.0 / (common[a] * common[a])
+    block[n] = 0.0
+    for j in range(scale.size):
+        scale[j] = 1.0
+    for i in range(segments):
+        for a in range(n):
+            scale[i * (n + 1) + a] = sizes[a]
+        scale[i * (n + 1) + n] = total
 
 
 @njit(cache=True, error_model="numpy")

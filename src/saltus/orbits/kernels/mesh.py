@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from saltus.flow.kernels.segment import redistribute
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import ARRAYS, pointer
@@ -17,16 +15,16 @@ UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved:
 
 
 @njit(cache=True, error_model="numpy")
-def moved(places, starts, errors, limit, worst, most):
-    """Return whether the meshes are fine enough, whether they are to be moved, and the moved ones.
+def moved(places, starts, errors, limit, worst, most, fresh, ends):
+    """Return whether the meshes are fine enough, and how many nodes the moved ones have; 0 where they stay.
 
     They may stay where the largest error is below `limit` and no segment is much finer than need be. Where the largest
-    one known, `worst`, may be that of unstable steps, all steps are halved, if they are fewer than `most`.
+    one known, `worst`, may be that of unstable steps, all steps are halved, if they are fewer than `most`. Moved meshes
+    are written: fresh, (3 nodes + 8 segments,), and where each segment's begin, ends, (segments + 1,).
     """
     segments = starts.size - 1
     if not worst <= UNSTABLE and places.size - segments < most:
-        fresh, ends = _halved(places, starts)
-        return False, True, fresh, ends
+        return False, _halved(places, starts, fresh, ends)
     mesh_at, error = pointer(starts, 0), pointer(errors, 0)
     largest = 0.0
     stay = True
@@ -38,11 +36,10 @@ def moved(places, starts, errors, limit, worst, most):
         if top > limit or (top < COARSEST and mesh_at[i + 1] - mesh_at[i] > 6):
             stay = False
     if stay:
-        return True, False, places, starts
+        return True, 0
     for j in range(errors.size):
         if not math.isfinite(error[j]):
-            return False, False, places, starts
-    fresh, ends = np.empty(3 * places.size + 8 * segments), np.empty_like(starts)
+            return False, 0
     at, grid, new = 0, pointer(places, 0), pointer(fresh, 0)
     for i in range(segments):
         first = mesh_at[i]
@@ -52,14 +49,13 @@ def moved(places, starts, errors, limit, worst, most):
             pointer(grid, first), count, pointer(error, first), AIM, pointer(new, at), 3 * count + 8
         )  # fmt: skip
     ends[segments] = at
-    return largest <= FINEST, True, fresh[:at].copy(), ends
+    return largest <= FINEST, at
 
 
 @njit(**ARRAYS)
-def _halved(places, starts):
-    """Return meshes with each step cut in half."""
+def _halved(places, starts, fresh, ends):
+    """Write meshes with each step cut in half; return how many nodes they have."""
     segments = starts.size - 1
-    fresh, ends = np.empty(2 * places.size - segments), np.empty_like(starts)
     for i in range(segments):
         ends[i] = 2 * starts[i] - i
         for j in range(starts[i], starts[i + 1]):
@@ -67,5 +63,5 @@ def _halved(places, starts):
             fresh[at] = places[j]
             if j + 1 < starts[i + 1]:
                 fresh[at + 1] = 0.5 * (places[j + 1] - places[j]) + places[j]
-    ends[segments] = fresh.size
-    return fresh, ends
+    ends[segments] = 2 * places.size - segments
+    return ends[segments]

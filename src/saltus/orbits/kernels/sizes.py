@@ -75,3 +75,32 @@ def resized(lows, highs, limits, least, moves, largest, scale):
         scale[e] = known[e]
         largest[e] = max(largest[e], sizes[e])
     return True, near
+
+
+@njit(cache=True, error_model="numpy")
+def swollen(before, now, count, ratio, faint):
+    """Return whether a state's range is many times what it was, or the state as far away; where one is NaN it is not.
+
+    Parameters
+    ----------
+    before, now : (lows, highs), each (count or more,)
+        Extremes of an orbit before and now.
+    count : int
+        How many states there are.
+    ratio, faint : float
+        How many times. Size of a state before, over the largest, that it has at least.
+    """
+    lows, highs, low, high = before[0], before[1], now[0], now[1]
+    top, known = 0.0, True
+    for e in range(count):
+        known = known and not math.isnan(lows[e] + highs[e])
+        top = max(top, max(abs(lows[e]), abs(highs[e])))
+    least = faint * top if faint * top > 0.0 else 1e-300
+    for e in range(count):
+        if high[e] - low[e] > ratio * (highs[e] - lows[e]):
+            return True
+        if known and not math.isnan(low[e] + high[e]):
+            reach = max(high[e], highs[e]) - min(low[e], lows[e])
+            if reach > ratio * max(max(abs(lows[e]), abs(highs[e])), least):
+                return True
+    return False

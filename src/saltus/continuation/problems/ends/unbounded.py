@@ -130,12 +130,11 @@ def swells_for_ever(points: list[Row]) -> str | None:
     A state's range is many times that of the first point, or the state is as far away from there. Beyond, the flow's
     tolerance moves the parameter by more than the branch does.
     """
-    n = len(points[-1][0].problem.system.states)
-    first, last = points[0][1].examined.data.survey, points[-1][1].examined.data.survey
-    low, high = np.minimum(first.lows[:n], last.lows[:n]), np.maximum(first.highs[:n], last.highs[:n])
-    wide = last.highs[:n] - last.lows[:n] > _ENDLESS * (first.highs[:n] - first.lows[:n])
-    away = high - low > _ENDLESS * _size(first.lows[None, :n], first.highs[None, :n])
-    return swells_at_last(points) if wide.any() or away.any() else None
+    from saltus.orbits.kernels import sizes as kernels
+
+    count = len(points[-1][0].problem.system.states)
+    before, now = ((s.lows, s.highs) for s in (row[1].examined.data.survey for row in (points[0], points[-1])))
+    return swells_at_last(points) if kernels.swollen(before, now, count, _ENDLESS, _FAINT) else None
 
 
 def _extents(points: list[Row]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
