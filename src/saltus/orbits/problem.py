@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from saltus.errors import ConvergenceError
 from saltus.orbits.common_sizes import common_sizes, surface_rows
+from saltus.orbits.frames import coarse, lawson_steps, linear_frames, split
 from saltus.orbits.meshes import FEW, adapted, decays, implicit_steps, joined, stabilised
 from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
@@ -17,7 +19,7 @@ from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, 
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -36,7 +38,7 @@ _REMESHED = 12  # most times that the meshes of one orbit are moved
 _NONE = np.empty(0)
 _NO_STEPS = np.empty((0, 2))
 _DISCRETISATION = (
-    "mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
+    "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
 )  # fmt: skip
 
 
@@ -74,7 +76,7 @@ class OrbitProblem:
         self.n = compiled.n
         self.segments = len(self.signature)
         self.size = self.segments * (self.n + 1)
-        self._functions = compiled.addresses
+        self._functions = np.append(compiled.addresses, 0)  # 0: no linear parts
         # nothing but a plane fixes where on the orbit the first segment starts
         self.slides = self.signature.kinds[0] == CLOSED_END
         self._slides = any(
@@ -94,6 +96,7 @@ class OrbitProblem:
         self._worst = 0.0
         self._surface_rows = np.zeros((2, 0, len(self.system.states)))
         self.stiff, self._looked = False, 0
+        self.linear: NDArray[np.float64] | None = None  # parts of the modes' fields in whose frames steps are taken
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
         self._orbit = tuple(
@@ -116,13 +119,27 @@ class OrbitProblem:
         self._events, self._directions = tuple(events), events.directions
         self.mesh = np.zeros(0), np.zeros(self.segments + 1, dtype=np.int64)
         self._dense = np.empty(0), np.empty(0)
+        self._split = np.zeros(0), self.mesh
+        self._explicit = self.mesh
         self._decays = [0.0] * self.segments
         self._errors = np.zeros(0)
 
     @property
     def record(self) -> tuple[Any, ...]:
         """The fields of `Orbit`, for kernels."""
+        if self.linear is not None:
+            functions = np.append(self._functions[:-1], self.linear.ctypes.data)
+            return (functions, *self._orbit[1:-1], lawson_steps())
         return (*self._orbit[:-1], implicit_steps()) if self.stiff else self._orbit
+
+    @property
+    def surveyed(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """The meshes of the dense output: clustered times, and where each segment's begin."""
+        if self.linear is None:
+            return self.mesh
+        if self._split[0] is not self.mesh[0]:
+            self._split = self.mesh[0], joined(split(self.mesh, self.modes, self.linear))
+        return self._split[1]
 
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all parameters, shape (parameters,), where the unknowns are `u`."""
@@ -152,7 +169,7 @@ class OrbitProblem:
         self._surface_rows = surface_rows(self.system, self.modes, blocks, self.extended, self.state_scale)
         self._set_absolute_tolerance()
         self._decays = decays(self.system.compiled, self.modes, blocks, self.extended)
-        self.stiff = False
+        self.stiff, self.linear = False, None
         if (blocked := self._adapt(u)) is not None:
             return blocked
         self._shares = np.abs(blocks[:, self.n]) / max(float(np.abs(blocks[:, self.n]).sum()), 1e-300)
@@ -160,7 +177,34 @@ class OrbitProblem:
         self.rescale(survey)
         self.fix_phase(u, survey)
         nearby = None if self.slides else sizes_nearby(self, u, survey)
-        return None if nearby is None else self.start(u, nearby)
+        if nearby is not None:
+            return self.start(u, nearby)
+        self._choose_frames(blocks)
+        return None
+
+    def _choose_frames(self, blocks: NDArray[np.float64]) -> None:
+        """Go on by steps in the frames of linear parts, where these cost less; loci have none."""
+        self._explicit = self.mesh
+        if not self.stiff and self._active.size < 2 and (linear := linear_frames(self, np.abs(blocks[:, self.n]))) is not None:
+            self.linear, meshes = linear, coarse(self, linear)
+            self._use(*joined(meshes))
+
+    @contextmanager
+    def explicit_steps(self, u: NDArray[np.float64]) -> Iterator[None]:
+        """Follow the orbit `u` by explicit steps for a while, as second derivatives and variations need them."""
+        if self.linear is None:
+            yield
+            return
+        held, errors, worst = self.kept(), self._errors, self._worst
+        self.linear = None
+        self._use(*self._explicit)
+        self.resolve(u)
+        self._explicit = self.mesh
+        try:
+            yield
+        finally:
+            self.take(held)
+            self._errors, self._worst = errors, worst
 
     @property
     def common_scale(self) -> NDArray[np.float64]:
@@ -279,7 +323,7 @@ class OrbitProblem:
 
     def _curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the arrays of the dense output, as long as the meshes are."""
-        nodes = self.mesh[0].size
+        nodes = self.surveyed[0].size
         if self._dense[0].size != nodes * self.n:
             self._dense = np.empty(nodes * self.n), np.empty(nodes * 7 * self.n)
         return self._dense
@@ -311,7 +355,7 @@ class OrbitProblem:
 
     def stabilise(self, u: NDArray[np.float64]) -> bool:
         """Go on by implicit steps where explicit ones have become many and cost more; return whether they are new."""
-        if self.stiff or self.steps < max(FEW * self.segments, 2 * self._looked):
+        if self.stiff or self.linear is not None or self.steps < max(FEW * self.segments, 2 * self._looked):
             return False
         self.set_parameters(u)
         self._adapt(u)
@@ -373,7 +417,8 @@ class OrbitProblem:
         compiled = self.system.second(tuple(self._active.tolist()))
         S = np.empty((self.size, self.size + self._active.size))
         p = np.empty(compiled.extended)
-        second_kernels.second(self.record, self.mesh, compiled.addresses, self.p.size, p, u, v, S)
+        with self.explicit_steps(u):
+            second_kernels.second(self.record, self.mesh, compiled.addresses, self.p.size, p, u, v, S)
         return S
 
     def _differences(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -415,7 +460,7 @@ class OrbitProblem:
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
         found = room_for(self.n, quantities, self.segments, transitions)
         faults = self._surveys.survey(
-            self.record, self._events, self.mesh, self._curve(), (self.tol, self._atol), self.state_scale, u, found
+            self.record, self._events, self.surveyed, self._curve(), (self.tol, self._atol), self.state_scale, u, found
         )
         values: Any = (int(faults) & ~COARSE, bool(faults & COARSE), *found, self.stiff)
         return Survey(*values)
@@ -427,13 +472,13 @@ class OrbitProblem:
 
         Mesh (node,), offsets of the segments' meshes, states (node, n) and coefficients (node, 7, n).
         """
-        (places, starts), (nodes, coefficients) = self.mesh, self._curve()
+        (places, starts), (nodes, coefficients) = self.surveyed, self._curve()
         return places, starts, nodes.reshape(-1, self.n), coefficients.reshape(-1, 7, self.n)
 
     def state_on(self, segment: int, place: float) -> NDArray[np.float64]:
         """Return the full state at a clustered time of a segment, as last surveyed."""
         x = np.empty(self.n)
-        self._curves.state_on(self.mesh, self._curve(), segment, place, x)
+        self._curves.state_on(self.surveyed, self._curve(), segment, place, x)
         return x
 
 

@@ -25,12 +25,10 @@ from saltus.flow.kernels.lawson_step import (
     set_frame,
     taken,
 )
-from saltus.flow.kernels.segment import Segment, Sensitive
-from saltus.system.compiled import FUNCTIONS
+from saltus.flow.kernels.segment import LINEAR, Segment, Sensitive
 from saltus.system.numba_tools.machine_code import cfunc, njit
 from saltus.system.numba_tools.pointers import INNER, keep, numbers_at, outlined, pointer
 
-LINEAR = len(FUNCTIONS)  # where the address of the linear parts is
 NUMBERS = types.CPointer(float64)
 DENSE = lawson.DENSE.ravel()
 LONGEST = 4.0  # longest step, times the rate at which the frame turns or decays

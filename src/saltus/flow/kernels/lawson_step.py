@@ -28,6 +28,7 @@ SOLVED = 1e-14  # change of a stage in a sweep, over the state's size, behind wh
 STALLED = 1e-12  # the same, up to which changes that no longer shrink are rounding
 ONE = 1e-11  # what one function does not explain of the field's slopes, over these
 PROBES = 3  # directions in which slopes are taken: a state, one in which all states take part, the phase
+ROUNDING = 1e-15  # of a coefficient, over the values
 GOLDEN = 0.6180339887498949
 
 
@@ -307,13 +308,14 @@ def _tail(values):
 
     Coefficients of Legendre's polynomials go on to shrink at least as they do from degrees 4 and 5 to 6 and 7.
     """
-    c4 = c5 = c6 = c7 = 0.0
+    c4 = c5 = c6 = c7 = sizes = 0.0
     for j in range(STAGES):
         c4 += TAILS[j] * values[j]
         c5 += TAILS[STAGES + j] * values[j]
         c6 += TAILS[2 * STAGES + j] * values[j]
         c7 += TAILS[3 * STAGES + j] * values[j]
-    last = abs(c6) + abs(c7)
+        sizes += abs(values[j])
+    last = max(abs(c6) + abs(c7) - ROUNDING * sizes, 0.0)
     shrinks = min(last / (abs(c4) + abs(c5) + 1e-300), 1.0)
     both = shrinks * shrinks
     return last * both * both * shrinks
