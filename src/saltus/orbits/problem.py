@@ -179,15 +179,16 @@ class OrbitProblem:
         nearby = None if self.slides else sizes_nearby(self, u, survey)
         if nearby is not None:
             return self.start(u, nearby)
-        self._choose_frames(blocks)
+        self._choose_frames(u, blocks)
         return None
 
-    def _choose_frames(self, blocks: NDArray[np.float64]) -> None:
+    def _choose_frames(self, u: NDArray[np.float64], blocks: NDArray[np.float64]) -> None:
         """Go on by steps in the frames of linear parts, where these cost less; loci have none."""
         self._explicit = self.mesh
         if not self.stiff and self._active.size < 2 and (linear := linear_frames(self, np.abs(blocks[:, self.n]))) is not None:
             self.linear, meshes = linear, coarse(self, linear)
             self._use(*joined(meshes))
+            self.begun = self.survey(u)
 
     @contextmanager
     def explicit_steps(self, u: NDArray[np.float64]) -> Iterator[None]:
