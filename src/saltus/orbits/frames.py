@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["PARTS", "coarse", "lawson_steps", "linear_frames", "split"]
 
-PARTS = 3  # pieces of the dense output in a step in a frame
+PARTS = 4  # pieces of the dense output in a step in a frame
 _TURNS = 60.0  # angle of the fastest pair along a segment, in radians, from which its frame is worth the search
 _DEARER = 2.0  # time of a step in a frame, over that of an explicit one
 _ANGLE = 2.0  # of the fastest pair in a step, as is to be expected, in radians
