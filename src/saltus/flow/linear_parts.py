@@ -31,8 +31,8 @@ def linear_part(
 ) -> LinearPart | None:
     """Return the linear part of a mode's field along a motion; None where the rest depends on more than one function.
 
-    The rest's function changes along the motion, and with it the entries of the Jacobian. Their linear part is what they
-    would be where the function's slope is 0.
+    The rest's function changes along the motion, and with it the entries of the Jacobian. Where its slope is 0, they would
+    be the linear part.
 
     Parameters
     ----------

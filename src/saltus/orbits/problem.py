@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -11,15 +10,16 @@ import numpy as np
 
 from saltus.errors import ConvergenceError
 from saltus.orbits.common_sizes import common_sizes, surface_rows
-from saltus.orbits.frames import coarse, lawson_steps, linear_frames, split
-from saltus.orbits.meshes import FEW, adapted, decays, implicit_steps, joined, stabilised
+from saltus.orbits.discretisation import Discretised
+from saltus.orbits.frames import lawson_steps
+from saltus.orbits.meshes import adapted, decays, implicit_steps, joined
 from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -31,19 +31,15 @@ __all__ = ["OrbitProblem", "follow_from"]
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
 
 _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
-_MOST_SLIDING = 20_000  # steps of an orbit that slides, beyond which it comes too near to a two-fold
+_REMESHED = 12  # most times that the meshes of one orbit are moved
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
-_REMESHED = 12  # most times that the meshes of one orbit are moved
 _NONE = np.empty(0)
 _NO_STEPS = np.empty((0, 2))
-_DISCRETISATION = (
-    "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
-)  # fmt: skip
 
 
 @dataclass
-class OrbitProblem:
+class OrbitProblem(Discretised):
     """The equations F(u) = 0 of a periodic orbit.
 
     The unknowns are each segment's initial full state and duration, then the active parameters in their units.
@@ -96,7 +92,7 @@ class OrbitProblem:
         self._worst = 0.0
         self._surface_rows = np.zeros((2, 0, len(self.system.states)))
         self.stiff, self._looked = False, 0
-        self.linear: NDArray[np.float64] | None = None  # parts of the modes' fields in whose frames steps are taken
+        self.linear = None
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
         self._orbit = tuple(
@@ -131,15 +127,6 @@ class OrbitProblem:
             functions = np.append(self._functions[:-1], self.linear.ctypes.data)
             return (functions, *self._orbit[1:-1], lawson_steps())
         return (*self._orbit[:-1], implicit_steps()) if self.stiff else self._orbit
-
-    @property
-    def surveyed(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """The meshes of the dense output: clustered times, and where each segment's begin."""
-        if self.linear is None:
-            return self.mesh
-        if self._split[0] is not self.mesh[0]:
-            self._split = self.mesh[0], joined(split(self.mesh, self.modes, self.linear))
-        return self._split[1]
 
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all parameters, shape (parameters,), where the unknowns are `u`."""
@@ -182,31 +169,6 @@ class OrbitProblem:
         self._choose_frames(u, blocks)
         return None
 
-    def _choose_frames(self, u: NDArray[np.float64], blocks: NDArray[np.float64]) -> None:
-        """Go on by steps in the frames of linear parts, where these cost less; loci have none."""
-        self._explicit = self.mesh
-        if not self.stiff and self._active.size < 2 and (linear := linear_frames(self, np.abs(blocks[:, self.n]))) is not None:
-            self.linear, meshes = linear, coarse(self, linear)
-            self._use(*joined(meshes))
-            self.begun = self.survey(u)
-
-    @contextmanager
-    def explicit_steps(self, u: NDArray[np.float64]) -> Iterator[None]:
-        """Follow the orbit `u` by explicit steps for a while, as second derivatives and variations need them."""
-        if self.linear is None:
-            yield
-            return
-        held, errors, worst = self.kept(), self._errors, self._worst
-        self.linear = None
-        self._use(*self._explicit)
-        self.resolve(u)
-        self._explicit = self.mesh
-        try:
-            yield
-        finally:
-            self.take(held)
-            self._errors, self._worst = errors, worst
-
     @property
     def common_scale(self) -> NDArray[np.float64]:
         """Sizes of the states, shape (n,), raised to those that they share where they meet surfaces together."""
@@ -233,16 +195,6 @@ class OrbitProblem:
         meshes, self.stiff = found
         self._use(*joined(meshes))
         return None
-
-    def kept(self) -> dict[str, Any]:
-        """Return the meshes and sizes, for `take`."""
-        return {name: _apart(getattr(self, name)) for name in _DISCRETISATION}
-
-    def take(self, kept: Mapping[str, Any]) -> None:
-        """Take meshes and sizes that were kept."""
-        for name, value in kept.items():
-            setattr(self, name, _apart(value))
-        self._errors = np.zeros(self.mesh[0].size)
 
     @property
     def phase_plane(self) -> NDArray[np.float64]:
@@ -317,57 +269,6 @@ class OrbitProblem:
         if finite:
             self._nearest = nearest_to_zero(self, survey) if near else 1.0
             self._set_absolute_tolerance()
-
-    def _use(self, places: NDArray[np.float64], starts: NDArray[np.int64]) -> None:
-        self.mesh = (places, starts) if self.stiff else stabilised(places, starts, self._decays)
-        self._errors = np.zeros(self.mesh[0].size)
-
-    def _curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the arrays of the dense output, as long as the meshes are."""
-        nodes = self.surveyed[0].size
-        if self._dense[0].size != nodes * self.n:
-            self._dense = np.empty(nodes * self.n), np.empty(nodes * 7 * self.n)
-        return self._dense
-
-    @property
-    def steps(self) -> int:
-        """Steps in all segments' meshes."""
-        return int(self._errors.size - self.segments)
-
-    @property
-    def crowded(self) -> bool:
-        """Whether an orbit that slides takes so many steps that it comes too near to a two-fold."""
-        return self._slides and self.steps > _MOST_SLIDING
-
-    def refine(self) -> bool:
-        """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
-        return self._worst <= self._meshes.FINEST or self._move(self._meshes.FINEST)
-
-    def prepare(self, u: NDArray[np.float64]) -> None:
-        """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be.
-
-        Those of a stiff flow, whose fast layers move through their steps, are made anew for `u`.
-        """
-        if self.stiff:
-            self.set_parameters(u)
-            self._adapt(u)
-        elif not self.stabilise(u):
-            self._move(1.0)
-
-    def stabilise(self, u: NDArray[np.float64]) -> bool:
-        """Go on by implicit steps where explicit ones have become many and cost more; return whether they are new."""
-        if self.stiff or self.linear is not None or self.steps < max(FEW * self.segments, 2 * self._looked):
-            return False
-        self.set_parameters(u)
-        self._adapt(u)
-        self._looked = self.steps
-        return self.stiff
-
-    def _move(self, limit: float) -> bool:
-        fine, changed, *mesh = self._meshes.moved(*self.mesh, self._errors, limit, self._worst, FEW * self.segments)
-        if changed:
-            self._use(*mesh)
-        return bool(fine)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the residual, shape (size,), and the Jacobian, shape (size, size + active).
@@ -481,10 +382,6 @@ class OrbitProblem:
         x = np.empty(self.n)
         self._curves.state_on(self.surveyed, self._curve(), segment, place, x)
         return x
-
-
-def _apart(value: Any) -> Any:
-    return value.copy() if isinstance(value, np.ndarray) else value
 
 
 def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> None:

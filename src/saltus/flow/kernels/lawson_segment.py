@@ -13,18 +13,8 @@ from numba import float64, int64, types
 
 from saltus.flow import lawson
 from saltus.flow.kernels import segment as explicit
-from saltus.flow.kernels.lawson_step import (
-    EACH,
-    HEAD,
-    STAGES,
-    error_of,
-    laid_out,
-    linearised,
-    propagated,
-    room_for,
-    set_frame,
-    taken,
-)
+from saltus.flow.kernels.lawson_step import EACH, HEAD, STAGES, error_of, laid_out, room_for, set_frame, taken
+from saltus.flow.kernels.lawson_varied import linearised, propagated
 from saltus.flow.kernels.segment import LINEAR, Segment, Sensitive
 from saltus.system.numba_tools.machine_code import cfunc, njit
 from saltus.system.numba_tools.pointers import INNER, keep, numbers_at, outlined, pointer

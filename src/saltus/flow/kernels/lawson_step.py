@@ -13,7 +13,7 @@ import math
 from typing import NamedTuple
 
 from saltus.flow import lawson
-from saltus.flow.kernels.segment import FIELD, FIELD_P, VARIED, VARY
+from saltus.flow.kernels.segment import FIELD
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, apart, call, outlined, pointer
 
@@ -26,10 +26,7 @@ HEAD, EACH = 3, 5  # numbers of a linear part: at its head, and of each componen
 SWEEPS = 30  # of the stages' equations, at most
 SOLVED = 1e-14  # change of a stage in a sweep, over the state's size, behind which the next one is rounding
 STALLED = 1e-12  # the same, up to which changes that no longer shrink are rounding
-ONE = 1e-11  # what one function does not explain of the field's slopes, over these
-PROBES = 3  # directions in which slopes are taken: a state, one in which all states take part, the phase
 ROUNDING = 1e-15  # of a coefficient, over the values
-GOLDEN = 0.6180339887498949
 
 
 class Frame(NamedTuple):
@@ -213,7 +210,7 @@ def set_frame(segment, linear, s, h, frame, work):
 
 
 @njit(**INNER)
-def _framed(n, partners, own, other, x, out):
+def framed(n, partners, own, other, x, out):
     """Write a frame's matrices times `x` in `out`, both (n, 8)."""
     apart()
     for e in range(n):
@@ -223,7 +220,7 @@ def _framed(n, partners, own, other, x, out):
 
 
 @njit(**INNER)
-def _integrated(n, values, out):
+def integrated(n, values, out):
     """Write the integrals of functions up to each node, (n, 8), from their values at all."""
     apart()
     weights = pointer(A, 0)
@@ -238,7 +235,7 @@ def _integrated(n, values, out):
 
 
 @njit(**INNER)
-def _whole(n, frame, values, x, out):
+def whole(n, frame, values, x, out):
     """Write the state at a step's end, (n,), from that at its start and what moves it at the nodes, (n, 8)."""
     for e in range(n):
         total, across, at, over = x[e], x[frame.partners[e]], e * STAGES, frame.partners[e] * STAGES
@@ -261,19 +258,26 @@ def _rest_at(segment, linear, x, node, apart_by, frame, values, out):
 def taken(segment, linear, x, frame, stages, x_end):
     """Solve the equations of a step from `x`, (n,), whose frame is set; return the sweeps, 0 where it is not solved."""
     outlined()
-    n, kicks, sums, rest, points, states = segment.n, stages.kicks, stages.sums, stages.rest, stages.points, stages.states
+    n, kicks, sums, rest, points, states = (
+        segment.n,
+        stages.kicks,
+        stages.sums,
+        stages.rest,
+        stages.points,
+        stages.states,
+    )
     _rest_at(segment, linear, x, 0, 1, frame, stages.frame, stages.out)
     for e in range(n):
         for i in range(STAGES):
             rest[e * STAGES + i] = frame.rates[i] * stages.frame[e]
-    _framed(n, frame.partners, frame.back, frame.across, rest, kicks)
+    framed(n, frame.partners, frame.back, frame.across, rest, kicks)
     before = math.inf
     for sweep in range(1, SWEEPS + 1):
-        _integrated(n, kicks, rest)
+        integrated(n, kicks, rest)
         for e in range(n):
             for i in range(STAGES):
                 rest[e * STAGES + i] += x[e]
-        _framed(n, frame.partners, frame.own, frame.other, rest, states)
+        framed(n, frame.partners, frame.own, frame.other, rest, states)
         for i in range(STAGES):
             point = pointer(points, i * n)
             for e in range(n):
@@ -282,7 +286,7 @@ def taken(segment, linear, x, frame, stages, x_end):
         for e in range(n):
             for i in range(STAGES):
                 rest[e * STAGES + i] *= frame.rates[i]
-        _framed(n, frame.partners, frame.back, frame.across, rest, sums)
+        framed(n, frame.partners, frame.back, frame.across, rest, sums)
         change = 0.0
         for e in range(n):
             size, moved = abs(x[e]), 0.0
@@ -296,14 +300,14 @@ def taken(segment, linear, x, frame, stages, x_end):
             if moved > 0.0:
                 change = max(change, moved / (size + 1e-300))
         if change <= SOLVED or (change <= STALLED and change > 0.3 * before):
-            _whole(n, frame, kicks, x, x_end)
+            whole(n, frame, kicks, x, x_end)
             return sweep
         before = change
     return 0
 
 
 @njit(**INNER)
-def _tail(values):
+def tail(values):
     """Return the error of Gauss's rule of a function, from its values at the nodes.
 
     Coefficients of Legendre's polynomials go on to shrink at least as they do from degrees 4 and 5 to 6 and 7.
@@ -327,195 +331,5 @@ def error_of(n, stages, x, x_end, rtol, atol):
     outlined()
     worst = 0.0
     for e in range(n):
-        worst = max(worst, _tail(pointer(stages.kicks, e * STAGES)) / (atol + rtol * max(abs(x[e]), abs(x_end[e]))))
+        worst = max(worst, tail(pointer(stages.kicks, e * STAGES)) / (atol + rtol * max(abs(x[e]), abs(x_end[e]))))
     return worst
-
-
-@njit(**INNER)
-def linearised(segment, linear, frame, stages, varied):
-    """Write how the rest's function moves the states and depends on them at each node; whether there is but one."""
-    outlined()
-    n, own, row, given, out = segment.n, int(linear[0]), int(linear[1]), stages.frame, stages.out
-    seen = 0.0
-    for e in range(n):
-        probe = 0.5 + (GOLDEN * e) % 1.0 if e < own else 0.0
-        given[n + PROBES * e] = 1.0 if e == int(linear[2]) else 0.0
-        given[n + PROBES * e + 1] = probe
-        given[n + PROBES * e + 2] = 1.0 if e >= own else 0.0
-        seen += linear[HEAD + EACH * e + 4] * probe
-    for i in range(STAGES):
-        for e in range(n):
-            given[e] = stages.points[i * n + e]
-        call(segment.functions[VARY], segment.mode, PROBES, given, 0, segment.p, out, 0)
-        gain = out[n + PROBES * row]
-        size = left = 0.0
-        for e in range(n):
-            law, partner = pointer(linear, HEAD + EACH * e), frame.partners[e]
-            slope = out[n + PROBES * e + 1]
-            line = law[1] * given[n + PROBES * e + 1]
-            if partner != e:
-                line += law[2] * given[n + PROBES * partner + 1]
-            size = max(size, abs(slope) + abs(line))
-            left = max(left, abs(slope - line - gain * law[3] * seen))
-            stages.rest[e * STAGES + i] = frame.rates[i] * gain * law[3]
-            stages.sums[e * STAGES + i] = law[4]
-            varied.slopes[e * STAGES + i] = out[n + PROBES * e + 2] if e < own else 0.0
-        if not left <= ONE * size:
-            return False
-    _framed(n, frame.partners, frame.back, frame.across, stages.rest, varied.pushes)
-    for e in range(n):
-        at, over = e * STAGES, frame.partners[e] * STAGES
-        for i in range(STAGES):
-            look = stages.sums[at + i] * frame.own[at + i]
-            if over != at:
-                look += stages.sums[over + i] * frame.other[over + i]
-            varied.looks[at + i] = look
-    return True
-
-
-@njit(**INNER)
-def _inverted(n, pushes, looks, matrix, inverse):
-    """Write the inverse of the matrix of the function's values at the nodes, (8, 8), by elimination."""
-    outlined()
-    apart()
-    for i in range(STAGES * STAGES):
-        matrix[i] = 0.0
-        inverse[i] = 1.0 if i % (STAGES + 1) == 0 else 0.0
-    for e in range(n):  # the transpose: its rows are those of the nodes that push
-        at = e * STAGES
-        for j in range(STAGES):
-            push = pushes[at + j]
-            for i in range(STAGES):
-                matrix[j * STAGES + i] -= push * looks[at + i]
-    for j in range(STAGES):
-        for i in range(STAGES):
-            matrix[j * STAGES + i] *= A[j * STAGES + i]
-        matrix[j * STAGES + j] += 1.0
-    for i in range(STAGES):
-        pivot = 1.0 / matrix[i * STAGES + i]
-        for j in range(STAGES):
-            matrix[i * STAGES + j] *= pivot
-            inverse[i * STAGES + j] *= pivot
-        for k in range(STAGES):
-            if k != i:
-                factor = matrix[k * STAGES + i]
-                for j in range(STAGES):
-                    matrix[k * STAGES + j] -= factor * matrix[i * STAGES + j]
-                    inverse[k * STAGES + j] -= factor * inverse[i * STAGES + j]
-
-
-@njit(**INNER)
-def _forced(n, frame, stages, varied, nothing):
-    """Write what a step adds to a column that is forced as `forced` says in `more`. nothing: (n,), zeros."""
-    outlined()
-    level, forced = stages.out, varied.forced
-    _integrated(n, forced, stages.sums)
-    for i in range(STAGES):
-        level[i] = level[STAGES + i] = 0.0
-    for e in range(n):
-        for i in range(STAGES):
-            level[i] += varied.looks[e * STAGES + i] * stages.sums[e * STAGES + i]
-    for i in range(STAGES):
-        for j in range(STAGES):
-            level[STAGES + j] += varied.inverse[i * STAGES + j] * level[i]
-    for e in range(n):
-        for j in range(STAGES):
-            stages.sums[e * STAGES + j] = forced[e * STAGES + j] + level[STAGES + j] * varied.pushes[e * STAGES + j]
-    _whole(n, frame, stages.sums, nothing, varied.more)
-
-
-@njit(**INNER)
-def _response(n, frame, varied):
-    """Write what a step makes of the states at its start, (n, n)."""
-    outlined()
-    answers, turned, matrix = varied.answers, varied.turned, varied.matrix
-    for j in range(STAGES):
-        line = pointer(answers, j * n)
-        for f in range(n):
-            total = 0.0
-            for i in range(STAGES):
-                total += varied.inverse[i * STAGES + j] * varied.looks[f * STAGES + i]
-            line[f] = B[j] * total
-    for e in range(n):
-        line = pointer(turned, e * n)
-        for f in range(n):
-            line[f] = 1.0 if e == f else 0.0
-        for j in range(STAGES):
-            push, answer = varied.pushes[e * STAGES + j], pointer(answers, j * n)
-            for f in range(n):
-                line[f] += push * answer[f]
-    for e in range(n):
-        over = frame.partners[e] * n
-        for f in range(n):
-            matrix[e * n + f] = frame.end[e] * turned[e * n + f] + frame.beyond[e] * turned[over + f]
-
-
-@njit(**INNER)
-def _times(n, columns, matrix, before, out):
-    """Write a matrix (n, n) times columns (n, columns)."""
-    apart()
-    for e in range(n):
-        line = pointer(out, e * columns)
-        for c in range(columns):
-            line[c] = 0.0
-        for f in range(n):
-            entry, given = matrix[e * n + f], pointer(before, f * columns)
-            for c in range(columns):
-                line[c] += entry * given[c]
-
-
-@njit(**INNER)
-def _largest(values, count):
-    """Return the largest size of some values."""
-    largest = 0.0
-    for i in range(count):
-        largest = max(largest, abs(values[i]))
-    return largest
-
-
-@njit(**INNER)
-def propagated(segment, linear, sensitive, before, out, rtol, parts):
-    """Write sensitivities (n, columns) behind a step, from those before it; return their error over VARIED rtol.
-
-    parts: `Frame`, `Stages` and `Varied` of the step.
-    """
-    outlined()
-    frame, stages, varied = parts
-    n, own, columns = segment.n, int(linear[0]), sensitive.columns
-    force, nothing, matrix, rough = stages.out, stages.frame, varied.matrix, 0.0
-    _inverted(n, varied.pushes, varied.looks, varied.coupled, varied.inverse)
-    _response(n, frame, varied)
-    for e in range(own):
-        at, over = e * STAGES, frame.partners[e] * STAGES
-        for i in range(STAGES):
-            stages.sums[i] = varied.pushes[at + i] * varied.looks[over + i]
-            stages.rest[i] = varied.pushes[at + i] * varied.looks[at + i]
-        rough = max(rough, _tail(stages.sums) * _largest(pointer(before, frame.partners[e] * columns), columns))
-        rough = max(rough, _tail(stages.rest) * _largest(pointer(before, e * columns), columns))
-    for e in range(n):
-        nothing[e] = 0.0
-    if own < n:
-        for e in range(n):
-            for i in range(STAGES):
-                stages.rest[e * STAGES + i] = frame.rates[i] * varied.slopes[e * STAGES + i]
-        _framed(n, frame.partners, frame.back, frame.across, stages.rest, varied.forced)
-        _forced(n, frame, stages, varied, nothing)
-        size = _largest(pointer(before, own * columns), columns)
-        for e in range(own):
-            matrix[e * n + own] = varied.more[e]
-            rough = max(rough, size * _tail(pointer(varied.forced, e * STAGES)))
-    _times(n, columns, matrix, before, out)
-    for k in range(sensitive.n_active):
-        for i in range(STAGES):
-            point = pointer(stages.points, i * n)
-            call(segment.functions[FIELD_P], segment.mode, sensitive.active[k], point, 0, segment.p, force, 0)
-            turned = frame.times[i] * force[own] if own < n else 0.0
-            for e in range(n):
-                stages.rest[e * STAGES + i] = frame.rates[i] * (force[e] + turned * varied.slopes[e * STAGES + i])
-        _framed(n, frame.partners, frame.back, frame.across, stages.rest, varied.forced)
-        _forced(n, frame, stages, varied, nothing)
-        for e in range(n):
-            out[e * columns + n + k] += varied.more[e]
-            rough = max(rough, _tail(pointer(varied.forced, e * STAGES)))
-    largest = _largest(out, n * columns)
-    return rough / (VARIED * rtol * largest + 1e-300) if rtol > 0.0 else 0.0
