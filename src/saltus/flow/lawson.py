@@ -2,8 +2,8 @@
 
 References
 ----------
-Lawson, SIAM J. Numer. Anal. 4 (1967) 372-380, doi:10.1137/0704033: the frame. Hairer, Norsett, Wanner, *Solving Ordinary
-Differential Equations I*, 2nd ed., Springer 1993, Sec. II.7: collocation.
+Lawson, SIAM J. Numer. Anal. 4 (1967) 372-380, doi:10.1137/0704033: the frame. Hairer, Norsett, Wanner, *Solving
+Ordinary Differential Equations I*, 2nd ed., Springer 1993, Sec. II.7: collocation.
 """
 
 from __future__ import annotations

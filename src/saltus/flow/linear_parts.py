@@ -1,4 +1,4 @@
-"""Linear parts of fields, in whose frame Lawson's method takes its steps: pairs of states that turn about each other."""
+"""Linear parts of fields, in whose frames Lawson's method takes steps: pairs of states that turn about each other."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def linear_part(
 ) -> LinearPart | None:
     """Return the linear part of a mode's field along a motion; None where the rest depends on more than one function.
 
-    The rest's function changes along the motion, and with it the entries of the Jacobian. Where its slope is 0, they would
-    be the linear part.
+    The rest's function changes along the motion, and with it the entries of the Jacobian. Where its slope is 0, they
+    would be the linear part.
 
     Parameters
     ----------
