@@ -136,7 +136,8 @@ def flight() -> tuple[HybridSystem, np.ndarray]:
     return tapping_mode(table1(), modes=3), np.array([0.86, -1e-3, 2e-3, 0.02, 0.05, -0.02, 1.8])
 
 
-def test_a_cantilever_next_to_the_sample_moves_as_by_scipy() -> None:
+@pytest.mark.parametrize("parameter", ["Omega", "D_att_3"])
+def test_a_cantilever_next_to_the_sample_moves_as_by_scipy(parameter: str) -> None:
     system, x0 = flight()
     p = system.compiled.extended(np.array([system.parameters[name] for name in system.parameter_names]))
     along = x0 + np.outer(0.3 * np.arange(9), np.eye(7)[0] * -0.1 + np.eye(7)[6])
@@ -144,12 +145,11 @@ def test_a_cantilever_next_to_the_sample_moves_as_by_scipy() -> None:
     assert part is not None
     assert part.rate == pytest.approx(math.sqrt(307.914), rel=1e-4)
     assert part.numbers[3:].reshape(-1, 5)[5, :3] == pytest.approx([2.0, -0.025, -307.914122], rel=1e-7)
-    for parameter in ("Omega", "D_att_3"):
-        state, slopes = by_scipy(system, x0, 2.0, parameter)
-        x, X, errors = followed(system, part.numbers, x0, 2.0, 60, parameter)
-        assert np.max(errors) < 5.0
-        assert x == pytest.approx(state, rel=1e-10, abs=1e-13)
-        assert X[:, [0, 7]] == pytest.approx(slopes, rel=1e-6, abs=1e-8)
+    state, slopes = by_scipy(system, x0, 1.0, parameter)
+    x, X, errors = followed(system, part.numbers, x0, 1.0, 40, parameter)
+    assert np.max(errors) < 5.0
+    assert x == pytest.approx(state, rel=1e-10, abs=1e-13)
+    assert X[:, [0, 7]] == pytest.approx(slopes, rel=1e-6, abs=1e-8)
 
 
 def test_errors_of_steps_say_when_they_are_too_long() -> None:
@@ -199,8 +199,8 @@ def test_a_rest_of_two_functions_has_no_such_steps() -> None:
     numbers = np.zeros((4, 5))
     numbers[:, :3] = [[1, 0.0, 1.0], [0, 0.0, -1.0], [3, 0.0, 1.0], [2, 0.0, -400.0]]
     numbers[[1, 3], 3] = numbers[[0, 2], 4] = 1.0
-    x, X, errors = followed(system, np.append([4.0, 1.0, 2.0], numbers.ravel()), x0, 3.0, 400, "k")
-    state, slopes = by_scipy(system, x0, 3.0, "k")
+    x, X, errors = followed(system, np.append([4.0, 1.0, 2.0], numbers.ravel()), x0, 1.0, 150, "k")
+    state, slopes = by_scipy(system, x0, 1.0, "k")
     assert np.max(errors) < 100.0
     assert x == pytest.approx(state, abs=1e-9)
     assert X[:, [0, 4]] == pytest.approx(slopes, abs=1e-7)
