@@ -1,8 +1,8 @@
 """Compiled steps by Gauss's collocation in the frame of a linear part of the field (`saltus.flow.lawson`).
 
-With x = exp(A t) z the part A x needs no resolution in time: the rest alone, as the frame sees it, is integrated. Where
-the rest's slopes are those of one function of the states, g u w^T with a factor g that varies, the sensitivities of all
-columns follow from one small matrix: docs/theory/flow.md.
+With x = exp(A t) z the part A x needs no resolution in time: the rest alone, as the frame sees it, is integrated. The
+rest's slopes may be those of one function of the states, g u w^T with a factor g that varies. Sensitivities of all
+columns then follow from one small matrix: docs/theory/flow.md.
 
 Arrays of values at the nodes have the node as the last index.
 """
