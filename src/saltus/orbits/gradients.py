@@ -56,6 +56,18 @@ def followed(
         Whether of places that are equally high the first one is the extreme. By default its derivatives are NaN where
         they differ between these places.
     """
+    with problem.explicit_steps(u):
+        return _followed(problem, u, du, plan, chosen, first)
+
+
+def _followed(
+    problem: OrbitProblem,
+    u: NDArray[np.float64],
+    du: NDArray[np.float64],
+    plan: Plan,
+    chosen: Sequence[int],
+    first: bool,
+) -> Sums:
     from saltus.orbits.kernels import sensitivity as sensitivity_kernels, variation as variation_kernels
 
     n, columns, turns = problem.n, len(chosen), problem.signature.turns

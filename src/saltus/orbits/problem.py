@@ -10,14 +10,16 @@ import numpy as np
 
 from saltus.errors import ConvergenceError
 from saltus.orbits.common_sizes import common_sizes, surface_rows
-from saltus.orbits.meshes import FEW, adapted, decays, implicit_steps, joined, stabilised
+from saltus.orbits.discretisation import Discretised
+from saltus.orbits.frames import lawson_steps
+from saltus.orbits.meshes import adapted, decays, implicit_steps, joined
 from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -29,20 +31,15 @@ __all__ = ["OrbitProblem", "follow_from"]
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
 
 _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
-_MOST_SLIDING = 20_000  # steps of an orbit that slides, beyond which it comes too near to a two-fold
+_REMESHED = 12  # most times that the meshes of one orbit are moved
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
-_REMESHED = 12  # most times that the meshes of one orbit are moved
 _NONE = np.empty(0)
 _NO_STEPS = np.empty((0, 2))
-_DISCRETISATION = (
-    "mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
-    "_surface_rows", "begun",
-)  # fmt: skip
 
 
 @dataclass
-class OrbitProblem:
+class OrbitProblem(Discretised):
     """The equations F(u) = 0 of a periodic orbit.
 
     The unknowns are each segment's initial full state and duration, then the active parameters in their units.
@@ -75,7 +72,7 @@ class OrbitProblem:
         self.n = compiled.n
         self.segments = len(self.signature)
         self.size = self.segments * (self.n + 1)
-        self._functions = compiled.addresses
+        self._functions = np.append(compiled.addresses, 0)  # 0: no linear parts
         # nothing but a plane fixes where on the orbit the first segment starts
         self.slides = self.signature.kinds[0] == CLOSED_END
         self._slides = any(
@@ -95,6 +92,7 @@ class OrbitProblem:
         self._worst = 0.0
         self._surface_rows = np.zeros((2, 0, len(self.system.states)))
         self.stiff, self._looked = False, 0
+        self.linear = None
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
         self._orbit = tuple(
@@ -117,12 +115,17 @@ class OrbitProblem:
         self._events, self._directions = tuple(events), events.directions
         self.mesh = np.zeros(0), np.zeros(self.segments + 1, dtype=np.int64)
         self._dense = np.empty(0), np.empty(0)
+        self._split = np.zeros(0), self.mesh
+        self._explicit = self.mesh
         self._decays = [0.0] * self.segments
         self._errors = np.zeros(0)
 
     @property
     def record(self) -> tuple[Any, ...]:
         """The fields of `Orbit`, for kernels."""
+        if self.linear is not None:
+            functions = np.append(self._functions[:-1], self.linear.ctypes.data)
+            return (functions, *self._orbit[1:-1], lawson_steps())
         return (*self._orbit[:-1], implicit_steps()) if self.stiff else self._orbit
 
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -153,7 +156,7 @@ class OrbitProblem:
         self._surface_rows = surface_rows(self.system, self.modes, blocks, self.extended, self.state_scale)
         self._set_absolute_tolerance()
         self._decays = decays(self.system.compiled, self.modes, blocks, self.extended)
-        self.stiff = False
+        self.stiff, self.linear = False, None
         if (blocked := self._adapt(u)) is not None:
             return blocked
         self._shares = np.abs(blocks[:, self.n]) / max(float(np.abs(blocks[:, self.n]).sum()), 1e-300)
@@ -161,7 +164,10 @@ class OrbitProblem:
         self.rescale(survey)
         self.fix_phase(u, survey)
         nearby = None if self.slides else sizes_nearby(self, u, survey)
-        return None if nearby is None else self.start(u, nearby)
+        if nearby is not None:
+            return self.start(u, nearby)
+        self._choose_frames(u, blocks)
+        return None
 
     @property
     def common_scale(self) -> NDArray[np.float64]:
@@ -189,16 +195,6 @@ class OrbitProblem:
         meshes, self.stiff = found
         self._use(*joined(meshes))
         return None
-
-    def kept(self) -> dict[str, Any]:
-        """Return the meshes and sizes, for `take`."""
-        return {name: _apart(getattr(self, name)) for name in _DISCRETISATION}
-
-    def take(self, kept: Mapping[str, Any]) -> None:
-        """Take meshes and sizes that were kept."""
-        for name, value in kept.items():
-            setattr(self, name, _apart(value))
-        self._errors = np.zeros(self.mesh[0].size)
 
     @property
     def phase_plane(self) -> NDArray[np.float64]:
@@ -273,59 +269,6 @@ class OrbitProblem:
             self._nearest = nearest_to_zero(self, survey) if near else 1.0
             self._set_absolute_tolerance()
 
-    def _use(self, places: NDArray[np.float64], starts: NDArray[np.int64]) -> None:
-        self.mesh = (places, starts) if self.stiff else stabilised(places, starts, self._decays)
-        self._errors = np.zeros(self.mesh[0].size)
-
-    def _curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the arrays of the dense output, as long as the meshes are."""
-        nodes = self.mesh[0].size
-        if self._dense[0].size != nodes * self.n:
-            self._dense = np.empty(nodes * self.n), np.empty(nodes * 7 * self.n)
-        return self._dense
-
-    @property
-    def steps(self) -> int:
-        """Steps in all segments' meshes."""
-        return int(self._errors.size - self.segments)
-
-    @property
-    def crowded(self) -> bool:
-        """Whether an orbit that slides takes so many steps that it comes too near to a two-fold."""
-        return self._slides and self.steps > _MOST_SLIDING
-
-    def refine(self) -> bool:
-        """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
-        return self._worst <= self._meshes.FINEST or self._move(self._meshes.FINEST)
-
-    def prepare(self, u: NDArray[np.float64]) -> None:
-        """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be.
-
-        Those of a stiff flow, whose fast layers move through their steps, are made anew for `u`.
-        """
-        if self.stiff:
-            self.set_parameters(u)
-            self._adapt(u)
-        elif not self.stabilise(u):
-            self._move(1.0)
-
-    def stabilise(self, u: NDArray[np.float64]) -> bool:
-        """Go on by implicit steps where explicit ones have become many and cost more; return whether they are new."""
-        if self.stiff or self.steps < max(FEW * self.segments, 2 * self._looked):
-            return False
-        self.set_parameters(u)
-        self._adapt(u)
-        self._looked = self.steps
-        return self.stiff
-
-    def _move(self, limit: float) -> bool:
-        (places, starts), most = self.mesh, FEW * self.segments
-        fresh, ends = np.empty(3 * places.size + 8 * self.segments), np.empty_like(starts)
-        fine, count = self._meshes.moved(places, starts, self._errors, limit, self._worst, most, fresh, ends)
-        if count > 0:
-            self._use(fresh[:count].copy(), ends)
-        return bool(fine)
-
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the residual, shape (size,), and the Jacobian, shape (size, size + active).
 
@@ -374,7 +317,8 @@ class OrbitProblem:
         compiled = self.system.second(tuple(self._active.tolist()))
         S = np.empty((self.size, self.size + self._active.size))
         p = np.empty(compiled.extended)
-        second_kernels.second(self.record, self.mesh, compiled.addresses, self.p.size, p, u, v, S)
+        with self.explicit_steps(u):
+            second_kernels.second(self.record, self.mesh, compiled.addresses, self.p.size, p, u, v, S)
         return S
 
     def _differences(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -416,7 +360,7 @@ class OrbitProblem:
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
         found = room_for(self.n, quantities, self.segments, transitions)
         faults = self._surveys.survey(
-            self.record, self._events, self.mesh, self._curve(), (self.tol, self._atol), self.state_scale, u, found
+            self.record, self._events, self.surveyed, self._curve(), (self.tol, self._atol), self.state_scale, u, found
         )
         values: Any = (int(faults) & ~COARSE, bool(faults & COARSE), *found, self.stiff)
         return Survey(*values)
@@ -428,18 +372,14 @@ class OrbitProblem:
 
         Mesh (node,), offsets of the segments' meshes, states (node, n) and coefficients (node, 7, n).
         """
-        (places, starts), (nodes, coefficients) = self.mesh, self._curve()
+        (places, starts), (nodes, coefficients) = self.surveyed, self._curve()
         return places, starts, nodes.reshape(-1, self.n), coefficients.reshape(-1, 7, self.n)
 
     def state_on(self, segment: int, place: float) -> NDArray[np.float64]:
         """Return the full state at a clustered time of a segment, as last surveyed."""
         x = np.empty(self.n)
-        self._curves.state_on(self.mesh, self._curve(), segment, place, x)
+        self._curves.state_on(self.surveyed, self._curve(), segment, place, x)
         return x
-
-
-def _apart(value: Any) -> Any:
-    return value.copy() if isinstance(value, np.ndarray) else value
 
 
 def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> None:

@@ -25,6 +25,7 @@ FIELD = FUNCTIONS.index("field")
 FIELD_P = FUNCTIONS.index("field_p")
 EVENT_X = FUNCTIONS.index("event_x")
 EVENT_P = FUNCTIONS.index("event_p")
+LINEAR = len(FUNCTIONS)  # behind them, the address of the modes' linear parts, 0 where steps take no notice of these
 BLOCKED = -1  # what `adapt` returns where a flow ends on the way
 SHORT = -2  # where its steps are too many, or too short from the start
 MOST_STEPS = 400_000  # steps of one segment at most: a stiff one needs as many as its stability allows

@@ -8,7 +8,7 @@ import numpy as np
 from numba import int64
 
 from saltus.flow.kernels.event import AT_WRAP
-from saltus.flow.kernels.segment import EVENT_X, FIELD, Segment, dense, leaps, missed
+from saltus.flow.kernels.segment import EVENT_X, FIELD, LINEAR, Segment, dense, leaps, missed
 from saltus.flow.kernels.stages import dense_value
 from saltus.orbits.kernels.curve import EVENT, FINE, GUARD, OUTPUTS, Curve, Room, View, at_phase, fine, lowest
 from saltus.orbits.kernels.equation import RESET, TURN, piece_at, pointed, take_parameters, total_duration
@@ -208,7 +208,7 @@ def _followed(view, piece, curve, u, tolerances, room):
         a = curve.mesh[step]
         bend, node = pointer(curve.coefficients, step * 7 * n), pointer(curve.nodes, step * n)
         h = curve.mesh[step + 1] - a
-        if view.implicit != 0:
+        if view.implicit != 0 and view.functions[LINEAR] == 0:
             coarse = leaps(segment, h, bend, node)
         else:
             coarse = missed(segment, a, h, bend, node, room.x, room.probe, room.field, tolerances[0], tolerances[1])

@@ -63,6 +63,17 @@ def pointer(typingctx, array, at):
 
 
 @intrinsic
+def numbers_at(typingctx, address):
+    """Return a pointer to the numbers at an address; the array that holds them must live on."""
+    signature = types.CPointer(types.float64)(types.int64)
+
+    def lower(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return signature, lower
+
+
+@intrinsic
 def stack(typingctx, kind, count):
     """Return a pointer to `count` numbers of a type, on the stack: for a few states, and never inside a loop."""
     signature = types.CPointer(kind.dtype)(kind, types.int64)

@@ -1,0 +1,187 @@
+"""How an orbit's flow is discretised: meshes of its segments, the kind of their steps, and how meshes are moved."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.orbits.frames import PARTS, linear_frames, split
+from saltus.orbits.meshes import FEW, joined, stabilised
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from saltus.orbits.signature import Survey
+    from saltus.system import HybridSystem
+
+__all__ = ["Discretised"]
+
+_MOST_SLIDING = 20_000  # steps of an orbit that slides, beyond which it comes too near to a two-fold
+_DISCRETISATION = (
+    "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
+    "_surface_rows", "begun", "_explicit",
+)  # fmt: skip
+
+
+class Discretised(ABC):
+    """The meshes of an orbit's equations."""
+
+    system: HybridSystem
+    n: int  # components of the full state
+    segments: int
+    modes: NDArray[np.int64]  # shape (segments,)
+    extended: NDArray[np.float64]  # parameters with constants behind them
+    begun: Survey
+    mesh: tuple[NDArray[np.float64], NDArray[np.int64]]  # clustered times, and where each segment's begin
+    stiff: bool  # whether steps are implicit
+    linear: NDArray[np.float64] | None  # parts of the modes' fields in whose frames steps are taken
+    _active: NDArray[np.int64]
+    _slides: bool
+    _meshes: Any
+    _errors: NDArray[np.float64]
+    _worst: float
+    _looked: int
+    _decays: list[float]
+    _dense: tuple[NDArray[np.float64], NDArray[np.float64]]
+    _split: tuple[NDArray[np.float64], tuple[NDArray[np.float64], NDArray[np.int64]]]
+    _explicit: tuple[NDArray[np.float64], NDArray[np.int64]]
+
+    @abstractmethod
+    def _adapt(self, u: NDArray[np.float64]) -> int | None:
+        """Make meshes anew; return a segment that cannot be followed."""
+
+    @abstractmethod
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residual and Jacobian."""
+
+    @abstractmethod
+    def resolve(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return what `evaluate` does, on meshes that are fine enough."""
+
+    @abstractmethod
+    def set_parameters(self, u: NDArray[np.float64]) -> None:
+        """Take the active parameters from the unknowns."""
+
+    @abstractmethod
+    def dense(
+        self,
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the dense output that the last survey left."""
+
+    @abstractmethod
+    def survey(self, u: NDArray[np.float64]) -> Survey:
+        """Return what a dense look at an orbit shows."""
+
+    @property
+    def surveyed(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """The meshes of the dense output: clustered times, and where each segment's begin."""
+        if self.linear is None:
+            return self.mesh
+        if self._split[0] is not self.mesh[0]:
+            self._split = self.mesh[0], joined(split(self.mesh, self.modes, self.linear, PARTS))
+        return self._split[1]
+
+    def _choose_frames(self, u: NDArray[np.float64], blocks: NDArray[np.float64]) -> None:
+        """Go on by steps in the frames of linear parts, where these cost less; loci have none."""
+        self._explicit = self.mesh
+        if self.stiff or self._active.size > 1:
+            return
+        _, starts, nodes, _ = self.dense()
+        durations = np.abs(blocks[:, self.n])
+        linear = linear_frames(self.system, self.modes, durations, (starts, nodes), self.extended)
+        if linear is not None:
+            meshes = split(self.mesh, self.modes, linear, 1.0 / PARTS)
+            self.linear = linear
+            self._use(*joined(meshes))
+            self.begun = self.survey(u)
+
+    @contextmanager
+    def explicit_steps(self, u: NDArray[np.float64]) -> Iterator[None]:
+        """Follow the orbit `u` by explicit steps for a while, as second derivatives and variations need them."""
+        if self.linear is None:
+            yield
+            return
+        held, errors, worst = self.kept(), self._errors, self._worst
+        self.linear = None
+        self._use(*self._explicit)
+        self.resolve(u)
+        self._explicit = self.mesh
+        try:
+            yield
+        finally:
+            explicit = self._explicit
+            self.take(held)
+            self._explicit = explicit
+            self._errors, self._worst = errors, worst
+
+    def kept(self) -> dict[str, Any]:
+        """Return the meshes and sizes, for `take`."""
+        return {name: _apart(getattr(self, name)) for name in _DISCRETISATION}
+
+    def take(self, kept: Mapping[str, Any]) -> None:
+        """Take meshes and sizes that were kept."""
+        for name, value in kept.items():
+            setattr(self, name, _apart(value))
+        self._errors = np.zeros(self.mesh[0].size)
+
+    def _use(self, places: NDArray[np.float64], starts: NDArray[np.int64]) -> None:
+        self.mesh = (places, starts) if self.stiff else stabilised(places, starts, self._decays)
+        self._errors = np.zeros(self.mesh[0].size)
+
+    def _curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the arrays of the dense output, as long as the meshes are."""
+        nodes = self.surveyed[0].size
+        if self._dense[0].size != nodes * self.n:
+            self._dense = np.empty(nodes * self.n), np.empty(nodes * 7 * self.n)
+        return self._dense
+
+    @property
+    def steps(self) -> int:
+        """Steps in all segments' meshes."""
+        return int(self._errors.size - self.segments)
+
+    @property
+    def crowded(self) -> bool:
+        """Whether an orbit that slides takes so many steps that it comes too near to a two-fold."""
+        return self._slides and self.steps > _MOST_SLIDING
+
+    def refine(self) -> bool:
+        """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
+        return self._worst <= self._meshes.FINEST or self._move(self._meshes.FINEST)
+
+    def prepare(self, u: NDArray[np.float64]) -> None:
+        """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be.
+
+        Those of a stiff flow, whose fast layers move through their steps, are made anew for `u`.
+        """
+        if self.stiff:
+            self.set_parameters(u)
+            self._adapt(u)
+        elif not self.stabilise(u):
+            self._move(1.0)
+
+    def stabilise(self, u: NDArray[np.float64]) -> bool:
+        """Go on by implicit steps where explicit ones have become many and cost more; return whether they are new."""
+        if self.stiff or self.linear is not None or self.steps < max(FEW * self.segments, 2 * self._looked):
+            return False
+        self.set_parameters(u)
+        self._adapt(u)
+        self._looked = self.steps
+        return self.stiff
+
+    def _move(self, limit: float) -> bool:
+        (places, starts), most = self.mesh, FEW * self.segments
+        fresh, ends = np.empty(3 * places.size + 8 * self.segments), np.empty_like(starts)
+        fine, count = self._meshes.moved(places, starts, self._errors, limit, self._worst, most, fresh, ends)
+        if count > 0:
+            self._use(fresh[:count].copy(), ends)
+        return bool(fine)
+
+
+def _apart(value: Any) -> Any:
+    return value.copy() if isinstance(value, np.ndarray) else value
