@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ListView", "line_of"]
 
-_CURVES = ("branch", "locus", "sweep")  # kinds of results that are drawn in a colour
+_CURVES = ("branch", "locus", "sweep", "motion")  # kinds of results that are drawn in a colour
 
 
 class ListView:

@@ -15,6 +15,7 @@ from saltus.plotting import style
 
 if TYPE_CHECKING:
     from bokeh.plotting import figure
+    from numpy.typing import NDArray
 
 __all__ = [
     "CURVES",
@@ -29,6 +30,7 @@ __all__ = [
     "number",
     "page_style",
     "table",
+    "widen",
 ]
 
 CURVES = ("#1b1b1e", "#2f6fb0", "#8a4b08", "#5b7f2b", "#7d3c98", "#b0413e", "#2a8c82", "#8c6d1f")  # of branches
@@ -106,6 +108,28 @@ def fit(made: figure, x: Sequence[float], y: Sequence[float], margin: float = _M
                 low, high = float(table.min()), float(table.max())
             room = margin * (high - low) or 0.1 * abs(high) or 1.0
             axis.update(start=low - room, end=high + room, reset_start=low - room, reset_end=high + room)
+
+
+def widen(made: figure, places: NDArray[np.float64]) -> None:
+    """Widen both ranges of a figure so that they hold further places; they never shrink here.
+
+    Parameters
+    ----------
+    made : figure
+        The figure.
+    places : ndarray, shape (place, 2)
+        Coordinates; those that are not finite do not count.
+    """
+    found = places[np.all(np.isfinite(places), axis=1)]
+    for axis, values in zip((made.x_range, made.y_range), found.T, strict=True):
+        if values.size:
+            low, high = float(values.min()), float(values.max())
+            room = _MARGIN * (max(high, axis.end) - min(low, axis.start))
+            if low < axis.start or high > axis.end:
+                axis.update(
+                    start=low - room if low < axis.start else axis.start,
+                    end=high + room if high > axis.end else axis.end,
+                )
 
 
 def bare_label(name: str) -> str:

@@ -15,9 +15,11 @@ from saltus.explorer.basin_view import BasinView
 from saltus.explorer.desk import Desk, Listener
 from saltus.explorer.diagram_view import DiagramView
 from saltus.explorer.list_view import ListView
+from saltus.explorer.live import Live
 from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
+from saltus.explorer.plane_view import colour_of_motion
 from saltus.explorer.solutions import observable_of, traits_of
 from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
 
@@ -30,6 +32,7 @@ __all__ = ["Page"]
 _STOP = "Stop"  # what the button says before it was pressed
 _END = "End now"  # and after
 _PACE = 40  # milliseconds between two looks at what the companion says
+_LIVE_PACE = 8  # milliseconds between two looks for what is drawn while a slider moves
 _PERIODS = 60  # periods of the motion that a click on a cell runs
 _SPANS = 30.0  # periods of the selected orbit, of a system without a phase
 _STARTS = 64  # motions in the search for attractors
@@ -50,16 +53,19 @@ class Page(Listener):
     def __init__(self, desk: Desk, uploaded: Callable[[bytes], str]) -> None:
         self.desk, self.session = desk, desk.session
         self._watch: Any = None
+        self._live_watch: Any = None
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
         self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
         self._stop.visible = False
         widgets.on_click(self._stop, self._stop_clicked)
         self.diagram = DiagramView(self.session, self.select, self._line)
-        self.orbit = OrbitView(self.session, self._line, desk.application.readings)
+        self.orbit = OrbitView(self.session, self._line, desk.application.readings, self._simulate)
+        self.plane = self.orbit.plane
+        self.live = Live(self.plane.show_frame)
         self.basins = BasinView(self.session, self._map, self._follow_cell)
         self.orbit.tabs.append(("Basins", self.basins.panel))
         self._film = widgets.film()
-        self.parameters = ParameterView(self.session, self._settings_changed)
+        self.parameters = ParameterView(self.session, self._values_changed, self._slides)
         self.starts = StartView(self.session, self.run, self._observed)
         self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films)
         self.list = ListView(self.session, self._hidden_changed)
@@ -147,6 +153,7 @@ class Page(Listener):
             self._watch = None
             self.desk.write()
             if len(self.session.entries) == 1:
+                self._ready()
                 self.desk.warm()
 
     def _open(self, content: bytes | None, uploaded: Callable[[bytes], str]) -> None:
@@ -172,8 +179,54 @@ class Page(Listener):
         self.session.keep()
         self._tell_script()
 
+    def _values_changed(self) -> None:
+        """Take in values that were changed, and draw what follows at once."""
+        self._settings_changed()
+        self.plane.values_are(self.session.settings.parameters)
+        self._slides(self.session.settings.parameters)
+
+    def _slides(self, parameters: dict[str, float]) -> None:
+        """Draw the motion from the start, and the orbit that is carried along, at values that a slider passes."""
+        if self.plane.live:
+            self.live.want(self.plane.wish(parameters))
+            self._attend_live()
+
+    def _ready(self) -> None:
+        """Start the process that draws while a slider moves, before one does."""
+        if self.plane.live and self.session.entries:
+            self.live.want(self.plane.wish(self.session.settings.parameters, shown=False))
+            self._attend_live()
+
+    def _attend_live(self) -> None:
+        import panel as pn
+
+        document = pn.state.curdoc
+        if self._live_watch is None and self.live.busy and document is not None:
+            self._live_watch = document.add_periodic_callback(self._look_live, _LIVE_PACE)
+
+    def _look_live(self) -> None:
+        self.live.listen()
+        if not self.live.busy and self._live_watch is not None:
+            self.diagram.figure.document.remove_periodic_callback(self._live_watch)
+            self._live_watch = None
+
+    def _simulate(self, x0: tuple[float, ...], span: float) -> None:
+        """Simulate the motion from a start, and keep it."""
+        settings = self.session.settings
+        if x0 != settings.x0:
+            settings.x0, settings.mode = x0, None
+            self.parameters.show()
+        forced = self.session.system.phase is not None
+        lasts: dict[str, Any] = {"periods": max(round(span), 1)} if forced else {"t_end": span}
+        self.run(Move(parameters=self.session.changed(), x0=x0, mode=settings.mode, **lasts), self._show_motion)
+
+    def _show_motion(self, entry: Entry) -> None:
+        self.orbit.tabs.active = 0
+        self.select(Place(of=entry.name))
+
     def _hidden_changed(self) -> None:
         self.diagram.redraw()
+        self.plane.draw()
         self._settings_changed()
 
     def _observed(self) -> tuple[str, ...]:
@@ -224,11 +277,7 @@ class Page(Listener):
         )
         before = [entry.name for entry in self.session.entries if entry.step.noun == "motion"]
 
-        def shown(entry: Entry) -> None:
-            self.orbit.tabs.active = 0
-            self.select(Place(of=entry.name))
-
-        self.run(step, shown, before[-1] if before else "")
+        self.run(step, self._show_motion, before[-1] if before else "")
 
     def _film_wanted(self) -> None:
         self.desk.film(self._selected(), self._filmed)
@@ -274,6 +323,10 @@ class Page(Listener):
             self._watch = None
         self.told("this session is open in another page now: what is done here is lost", error=True)
 
+    def close(self) -> None:
+        """End the process that draws."""
+        self.live.close()
+
     def _line(self, line: str) -> None:
         self.told(line, error=bool(line))
 
@@ -289,13 +342,18 @@ class Page(Listener):
 
     def _show_all(self) -> None:
         self.diagram.redraw()
-        self.list.show(self.diagram.colour, self.diagram.unseen)
+        self.list.show(self._colour, self.diagram.unseen)
         self.undo.disabled = not self.session.entries
         self._show_selected()
         self._tell_script()
         basins: list[Any] = [entry.result for entry in self.session.entries if entry.step.noun == "basins"]
         if basins:
             self.basins.show(basins[-1])
+
+    def _colour(self, number: int) -> str:
+        entry = self.session.entries[number]
+        moves = entry.step.noun == "motion"
+        return colour_of_motion(self.session, entry.name) if moves else self.diagram.colour(number)
 
     def _tell_script(self) -> None:
         self.diagram.figure.tags = [self.session.script()]  # from where the page's script copies it
@@ -304,6 +362,7 @@ class Page(Listener):
         place, solution = self.session.settings.selected, self._selected()
         told = "" if place is None or solution is None else _title(place, self.session.results, solution)
         self.orbit.show(solution, told)
+        self.live.start_from(solution)
         self.actions.show(told)
         if traits_of(solution).what:
             self.basins.solution_is(solution)
@@ -315,6 +374,7 @@ class Page(Listener):
             settings, system = self.session.settings, self.session.system
             find = FindOrbit if system.phase is not None or system.transitions else FindEquilibrium
             self.run(find(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
+        self._ready()
 
 
 def _same_search(step: Step, parameters: dict[str, float], region: dict[str, tuple[float, float]]) -> bool:

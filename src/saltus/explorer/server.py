@@ -206,6 +206,7 @@ def _page_of(office: Office) -> Callable[[], Any]:
             from saltus.explorer.page import Page
 
             page = Page(desk, office.uploaded)
+            pn.state.on_session_destroyed(lambda _: page.close())
             pn.state.on_session_destroyed(lambda _: office.leave(page))
             pn.state.onload(page.begin)
             _template(office, page).server_doc(pn.state.curdoc)

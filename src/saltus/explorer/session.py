@@ -53,6 +53,7 @@ class Settings:
     sets: dict[str, dict[str, Any]] = field(default_factory=dict)  # values of parameters and start, saved by name
     axes: tuple[str, ...] = ()  # what the diagram shows: abscissa and ordinate; empty for the default ones
     planes: tuple[str, ...] = ()  # what the phase portrait shows
+    layers: tuple[str, ...] = ("live",)  # what is ticked to be drawn in it, too
     selected: Place | None = None  # the solution that the right side shows
     hidden: set[str] = field(default_factory=set)  # names of results that are not drawn
 
@@ -176,6 +177,7 @@ class Session:
             "sets": kept.sets,
             "axes": list(kept.axes),
             "planes": list(kept.planes),
+            "layers": list(kept.layers),
             "selected": None if kept.selected is None else kept.selected.model_dump(),
             "hidden": sorted(kept.hidden),
         }
@@ -269,6 +271,7 @@ class Session:
             kept.x0, kept.mode = tuple(map(float, notes["x0"])), notes["mode"]
             kept.sets, kept.hidden = dict(notes["sets"]), set(map(str, notes["hidden"]))
             kept.axes, kept.planes = tuple(map(str, notes["axes"])), tuple(map(str, notes["planes"]))
+            kept.layers = tuple(map(str, notes.get("layers", kept.layers)))
             kept.selected = None if notes["selected"] is None else Place.model_validate(notes["selected"])
         except SaltusError:
             raise

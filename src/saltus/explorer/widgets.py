@@ -29,6 +29,7 @@ __all__ = [
     "slider",
     "tabs",
     "text",
+    "tick",
     "upload",
 ]
 
@@ -73,9 +74,17 @@ def html(name: str, text: str = "", margin: tuple[int, ...] = (4, 8), **options:
     return pn.pane.HTML(text, css_classes=[name], margin=margin, stylesheets=_sheets(), **options)
 
 
-def number(title: str, value: float, width: int, name: str = "", margin: tuple[int, ...] = _MARGIN) -> Any:
-    """Return a field for a number."""
+def number(
+    title: str,
+    value: float,
+    width: int,
+    name: str = "",
+    margin: tuple[int, ...] = _MARGIN,
+    ends: tuple[float | None, float | None] = (None, None),
+) -> Any:
+    """Return a field for a number, between two ends where they are given."""
     options = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
+    options |= {"start": ends[0], "end": ends[1]}
     return pn.widgets.FloatInput(name=title, value=value, width=width, **options)
 
 
@@ -85,9 +94,14 @@ def count(title: str, value: int, width: int, ends: tuple[int, int], name: str) 
     return pn.widgets.IntInput(name=title, value=value, width=width, **options)
 
 
-def slider(value: int, end: int, width: int, name: str) -> Any:
-    """Return a slider that counts steps from 0 to an end."""
+def slider(value: int, end: int, width: int, name: str, shown: tuple[float, float]) -> Any:
+    """Return a slider that counts steps from 0 to an end, and shows a value between two others while it moves."""
+    from bokeh.models import CustomJSTickFormatter
+
+    low, high = shown
+    code = f"return String(Number(({low!r} + {high - low!r} * tick / {end}).toPrecision(6)))"
     options = {"css_classes": [name], "margin": (0, 12), "stylesheets": _sheets(), "show_value": False}
+    options |= {"format": CustomJSTickFormatter(code=code)}
     return pn.widgets.IntSlider(value=value, start=0, end=end, width=width, **options)
 
 
@@ -109,6 +123,12 @@ def checkbox(value: bool, name: str) -> Any:
     """Return a box to tick, without a text."""
     options = {"css_classes": [name], "margin": (5, 2, 0, 8), "stylesheets": _sheets()}
     return pn.widgets.Checkbox(value=value, width=18, **options)
+
+
+def tick(text: str, value: bool) -> Any:
+    """Return a box to tick, with a text, which is its name, too."""
+    options = {"css_classes": [f"tick-{text}"], "margin": (4, 6, 6, 4), "stylesheets": _sheets()}
+    return pn.widgets.Checkbox(name=text, value=value, **options)
 
 
 def text(name: str, placeholder: str, width: int) -> Any:
