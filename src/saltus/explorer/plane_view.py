@@ -161,8 +161,8 @@ class PlaneView:
 
     def _window(self, names: tuple[str, str]) -> Window:
         made, settings = self._portrait, self._session.settings
-        ends = ((float(axis.start), float(axis.end)) for axis in (made.x_range, made.y_range))
-        return Window(names, *ends, full_start(self._session.system, settings.x0), self._values)
+        x, y = ((float(axis.start), float(axis.end)) for axis in (made.x_range, made.y_range))
+        return Window(names, x, y, full_start(self._session.system, settings.x0), self._values)
 
     def _field(self, window: Window) -> dict[str, list[Any]]:
         known = self._portrait.properties_with_values(include_defaults=False)

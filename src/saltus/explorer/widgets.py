@@ -83,7 +83,7 @@ def number(
     ends: tuple[float | None, float | None] = (None, None),
 ) -> Any:
     """Return a field for a number, between two ends where they are given."""
-    options = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
+    options: dict[str, Any] = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
     options |= {"start": ends[0], "end": ends[1]}
     return pn.widgets.FloatInput(name=title, value=value, width=width, **options)
 
