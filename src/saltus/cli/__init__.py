@@ -178,7 +178,7 @@ def explore(
     system: Annotated[
         str | None,
         typer.Argument(
-            metavar="[SYSTEM]", help="FILE.py:NAME, MODULE:NAME, or a model of saltus; by default a choice."
+            metavar="[SYSTEM]", help="FILE.py:NAME, MODULE:NAME, FILE.txt, or a model of saltus; by default a choice."
         ),
     ] = None,
     load: Annotated[

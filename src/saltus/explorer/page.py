@@ -14,6 +14,7 @@ from saltus.explorer.action_view import ActionView, StartView
 from saltus.explorer.basin_view import BasinView
 from saltus.explorer.desk import Desk, Listener
 from saltus.explorer.diagram_view import DiagramView
+from saltus.explorer.equations_view import EquationsView
 from saltus.explorer.list_view import ListView
 from saltus.explorer.live import Live
 from saltus.explorer.orbit_view import OrbitView
@@ -25,6 +26,7 @@ from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Fo
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry
+    from saltus.explorer.subjects import Subject
     from saltus.progress import Progress
 
 __all__ = ["Page"]
@@ -48,9 +50,11 @@ class Page(Listener):
         The session and its process.
     uploaded : callable
         Called with the content of a session's file; it returns the name of this session.
+    defined : callable
+        Called with a `Subject`; it returns the name of a new session of it.
     """
 
-    def __init__(self, desk: Desk, uploaded: Callable[[bytes], str]) -> None:
+    def __init__(self, desk: Desk, uploaded: Callable[[bytes], str], defined: Callable[[Subject], str]) -> None:
         self.desk, self.session = desk, desk.session
         self._watch: Any = None
         self._live_watch: Any = None
@@ -63,7 +67,8 @@ class Page(Listener):
         self.plane = self.orbit.plane
         self.live = Live(self.plane.show_frame)
         self.basins = BasinView(self.session, self._map, self._follow_cell)
-        self.orbit.tabs.append(("Basins", self.basins.panel))
+        self.equations = EquationsView(self.session, defined)
+        self.orbit.tabs.extend([("Basins", self.basins.panel), ("Equations", self.equations.panel)])
         self._film = widgets.film()
         self.parameters = ParameterView(self.session, self._values_changed, self._slides)
         self.starts = StartView(self.session, self.run, self._observed)

@@ -139,6 +139,12 @@ class Office:
         finally:
             removed(folder)
 
+    def defined(self, subject: Subject) -> str:
+        """Return the name of a new session of a system that was typed."""
+        session = Session(subject, new_folder(self.home))
+        session.keep()
+        return self._opened(session).session.folder.name
+
     def unfinished(self) -> str | None:
         """Return the newest session of the same system that was not closed on purpose, if it has results."""
         for folder, notes in sessions_in(self.home):
@@ -205,7 +211,7 @@ def _page_of(office: Office) -> Callable[[], Any]:
         with uncollected(), pn.state.curdoc.models.freeze():
             from saltus.explorer.page import Page
 
-            page = Page(desk, office.uploaded)
+            page = Page(desk, office.uploaded, office.defined)
             pn.state.on_session_destroyed(lambda _: page.close())
             pn.state.on_session_destroyed(lambda _: office.leave(page))
             pn.state.onload(page.begin)

@@ -20,6 +20,7 @@ __all__ = [
     "download",
     "film",
     "html",
+    "lines",
     "number",
     "on_change",
     "on_click",
@@ -135,6 +136,12 @@ def text(name: str, placeholder: str, width: int) -> Any:
     """Return a field for a text."""
     options = {"css_classes": [name], "margin": (2, 4, 2, 8), "stylesheets": _sheets()}
     return pn.widgets.TextInput(placeholder=placeholder, width=width, **options)
+
+
+def lines(name: str, value: str, rows: int, longest: int) -> Any:
+    """Return a field for a text of many lines, as wide as there is room."""
+    options = {"css_classes": [name], "margin": (4, 8), "stylesheets": _sheets(), "sizing_mode": "stretch_width"}
+    return pn.widgets.TextAreaInput(value=value, rows=rows, max_length=longest, **options)
 
 
 def download(label: str, filename: str, callback: Any) -> Any:
