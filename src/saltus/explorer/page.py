@@ -22,6 +22,7 @@ from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
 from saltus.explorer.plane_view import colour_of_motion
 from saltus.explorer.solutions import observable_of, traits_of
+from saltus.explorer.space_view import SpaceView
 from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
 
 if TYPE_CHECKING:
@@ -68,7 +69,9 @@ class Page(Listener):
         self.live = Live(self.plane.show_frame)
         self.basins = BasinView(self.session, self._map, self._follow_cell)
         self.equations = EquationsView(self.session, defined)
-        self.orbit.tabs.extend([("Basins", self.basins.panel), ("Equations", self.equations.panel)])
+        self.space = SpaceView(self.session, self.diagram.colour)
+        parts = {"Basins": self.basins, "3-D": self.space, "Equations": self.equations}
+        self.orbit.tabs.extend([(name, part.panel) for name, part in parts.items()])
         self._film = widgets.film()
         self.parameters = ParameterView(self.session, self._values_changed, self._slides)
         self.starts = StartView(self.session, self.run, self._observed)
@@ -231,6 +234,7 @@ class Page(Listener):
 
     def _hidden_changed(self) -> None:
         self.diagram.redraw()
+        self.space.redraw()
         self.plane.draw()
         self._settings_changed()
 
@@ -347,6 +351,7 @@ class Page(Listener):
 
     def _show_all(self) -> None:
         self.diagram.redraw()
+        self.space.redraw()
         self.list.show(self._colour, self.diagram.unseen)
         self.undo.disabled = not self.session.entries
         self._show_selected()
