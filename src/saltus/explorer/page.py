@@ -14,6 +14,7 @@ from saltus.explorer.action_view import ActionView, StartView
 from saltus.explorer.basin_view import BasinView
 from saltus.explorer.desk import Desk, Listener
 from saltus.explorer.diagram_view import DiagramView
+from saltus.explorer.diagrams_view import DiagramsView
 from saltus.explorer.equations_view import EquationsView
 from saltus.explorer.list_view import ListView
 from saltus.explorer.live import Live
@@ -64,6 +65,7 @@ class Page(Listener):
         self._stop.visible = False
         widgets.on_click(self._stop, self._stop_clicked)
         self.diagram = DiagramView(self.session, self.select, self._line)
+        self.diagrams = DiagramsView(self.session, self.diagram, self.select, self._line)
         self.orbit = OrbitView(self.session, self._line, desk.application.readings, self._simulate)
         self.plane = self.orbit.plane
         self.live = Live(self.plane.show_frame)
@@ -99,7 +101,7 @@ class Page(Listener):
                 widgets.html("heading", "<h2>Open a session</h2>", (8, 8, 0, 8)),
                 self._file,
             ),
-            "diagram": self.diagram.panel,
+            "diagram": self.diagrams.panel,
             "results": widgets.column(self.actions.panel, self.list.panel),
             "orbit": self.orbit.panel,
             "status": widgets.beside(self._stop, self._bar, self._work, self._message),
@@ -176,7 +178,7 @@ class Page(Listener):
     def select(self, place: Place) -> None:
         """Show a solution at the right side, and what can be done with it."""
         self.session.settings.selected = place
-        self.diagram.mark_chosen()
+        self.diagrams.mark_chosen()
         self._show_selected()
 
     def _undo(self) -> None:
@@ -233,7 +235,7 @@ class Page(Listener):
         self.select(Place(of=entry.name))
 
     def _hidden_changed(self) -> None:
-        self.diagram.redraw()
+        self.diagrams.redraw()
         self.space.redraw()
         self.plane.draw()
         self._settings_changed()
@@ -350,7 +352,7 @@ class Page(Listener):
             return None
 
     def _show_all(self) -> None:
-        self.diagram.redraw()
+        self.diagrams.redraw()
         self.space.redraw()
         self.list.show(self._colour, self.diagram.unseen)
         self.undo.disabled = not self.session.entries

@@ -52,6 +52,7 @@ class Settings:
     mode: str | None = None  # mode of the start
     sets: dict[str, dict[str, Any]] = field(default_factory=dict)  # values of parameters and start, saved by name
     axes: tuple[str, ...] = ()  # what the diagram shows: abscissa and ordinate; empty for the default ones
+    more_axes: list[tuple[str, ...]] = field(default_factory=list)  # those of further diagrams
     planes: tuple[str, ...] = ()  # what the phase portrait shows
     layers: tuple[str, ...] = ("live",)  # what is ticked to be drawn in it, too
     selected: Place | None = None  # the solution that the right side shows
@@ -176,6 +177,7 @@ class Session:
             "mode": kept.mode,
             "sets": kept.sets,
             "axes": list(kept.axes),
+            "more_axes": [list(axes) for axes in kept.more_axes],
             "planes": list(kept.planes),
             "layers": list(kept.layers),
             "selected": None if kept.selected is None else kept.selected.model_dump(),
@@ -271,6 +273,7 @@ class Session:
             kept.x0, kept.mode = tuple(map(float, notes["x0"])), notes["mode"]
             kept.sets, kept.hidden = dict(notes["sets"]), set(map(str, notes["hidden"]))
             kept.axes, kept.planes = tuple(map(str, notes["axes"])), tuple(map(str, notes["planes"]))
+            kept.more_axes = [(str(x), str(y)) for x, y in notes.get("more_axes", ())]
             kept.layers = tuple(map(str, notes.get("layers", kept.layers)))
             kept.selected = None if notes["selected"] is None else Place.model_validate(notes["selected"])
         except SaltusError:

@@ -27,6 +27,7 @@ __all__ = [
     "pane",
     "quantity",
     "row",
+    "side_by_side",
     "slider",
     "tabs",
     "text",
@@ -180,6 +181,11 @@ def row(*parts: Any, name: str = "", wrap: bool = False) -> Any:
 def beside(*parts: Any) -> Any:
     """Return parts beside each other, as wide as there is room."""
     return pn.Row(*parts, margin=0, sizing_mode="stretch_width")
+
+
+def side_by_side(*parts: Any) -> Any:
+    """Return parts beside each other, as wide and high as there is room; further ones can be appended."""
+    return pn.Row(*parts, margin=0, sizing_mode="stretch_both")
 
 
 def column(*parts: Any, name: str = "", high: bool = False) -> Any:
