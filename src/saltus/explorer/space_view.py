@@ -102,7 +102,7 @@ class SpaceView:
         ]
         for widget in self._axes:
             widgets.on_change(widget, lambda _: self.redraw())
-        self.figure = look.figure_of("space", height=380, sizing_mode="stretch_width", match_aspect=True)
+        self.figure = look.figure_of("space", height=380, max_width=620, sizing_mode="stretch_width")
         self._tables = self._glyphs()
         self._text = widgets.html("space-text")
         self.panel = widgets.column(widgets.row(*self._axes), widgets.pane(self.figure), self._text)
