@@ -29,7 +29,8 @@ _TIME = 50.0  # or time, without one
 _LONGEST = 100_000.0  # periods or time
 _NULLCLINES = ("#b8860b", "#2a8c82")  # colours: of the state to the right, of that upwards
 _SURFACE = "#7d3c98"
-_LIVE, _CARRIED = "#e8820c", "#1b1b1e"
+_LIVE = "#e8820c"
+_CARRIED = "#1b1b1e"
 _MOTIONS = ("#2f6fb0", "#5b7f2b", "#b0413e", "#8a4b08", "#7d3c98", "#2a8c82")
 
 

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["SpaceView", "projected"]
 
-_AZIMUTH, _ELEVATION = -58.0, 24.0  # degrees from which space is seen at first
+_AZIMUTH = -58.0  # degrees from which space is seen at first
+_ELEVATION = 24.0  # likewise
 _EDGES = ((0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 6), (5, 7), (6, 7))  # of a cube
 _HALF = 1.9  # half of what the figure shows; the cube's corners are at -1 and 1
 
