@@ -2,7 +2,7 @@
 
 import pytest
 
-from screen import TOKEN, Screen, browser, served
+from screen import _PLACE, TOKEN, Screen, browser, served
 
 pytestmark = [
     pytest.mark.campaign,
@@ -93,4 +93,43 @@ def test_layers_are_ticked(screen):
         screen.eventually(lambda name=name, least=least: len(screen.column("portrait", name, "xs")) >= least)
     screen.until("plane-text", "v′ = 0")
     assert TOKEN not in screen.page.url
+    assert screen.errors == []
+
+
+def test_diagrams_stand_side_by_side_and_space_is_turned_by_a_drag(screen):
+    page = screen.page
+    page.click(".more-diagrams")
+    page.wait_for_selector(".fewer-diagrams", state="visible")
+    screen.eventually(lambda: screen.column("diagram2", "points", "x") == screen.column("diagram", "points", "x"))
+    page.click(".continue")
+    screen.wait("branch1")
+    page.click("text=3-D")
+    screen.eventually(lambda: screen.column("space", "curves", "u"))
+    before = screen.column("space", "curves", "u")[0][:3]
+    x, y = page.evaluate(_PLACE, ["space-figure", 0.0, 0.0])
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 60.0, y, steps=5)
+    page.mouse.up()
+    screen.eventually(lambda: screen.column("space", "curves", "u")[0][:3] != before)
+    page.locator(".side .whole-screen").click()
+    screen.eventually(lambda: page.evaluate("() => document.fullscreenElement?.className == 'side'"))
+    page.locator(".side .whole-screen").click()
+    assert screen.errors == []
+
+
+def test_equations_are_changed_and_open_a_session(screen):
+    page = screen.page
+    page.click("text=Equations")
+    field = page.locator(".equations textarea")
+    screen.eventually(lambda: "x - 0.2*v rises through 0" in field.input_value())
+    field.fill("parameters a = 0.5\nx' = v\nv' = -a*x - vv")
+    field.blur()
+    page.click(".use-equations")
+    screen.until("equations-told", "line 3, v'")
+    field.fill("parameters a = 0.5\nx' = v\nv' = -a*x - v")
+    field.blur()
+    page.click(".use-equations")
+    page.click(".equations-told a")
+    assert "Equilibrium" in screen.wait("equilibrium1")
     assert screen.errors == []

@@ -72,7 +72,7 @@ class Page(Listener):
         self.basins = BasinView(self.session, self._map, self._follow_cell)
         self.equations = EquationsView(self.session, defined)
         self.space = SpaceView(self.session, self.diagram.colour)
-        parts = {"Basins": self.basins, "3-D": self.space, "Equations": self.equations}
+        parts: dict[str, Any] = {"Basins": self.basins, "3-D": self.space, "Equations": self.equations}
         self.orbit.tabs.extend([(name, part.panel) for name, part in parts.items()])
         self._film = widgets.film()
         self.parameters = ParameterView(self.session, self._values_changed, self._slides)
