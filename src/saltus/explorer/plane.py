@@ -230,7 +230,7 @@ def _parts(curve: NDArray[np.float64], holds: NDArray[np.bool_]) -> Iterator[NDA
 
 def _field(system: HybridSystem, mode: int, name: str) -> str:
     """Return the expression of a state's rate in a mode."""
-    return system.modes[system.mode_names[mode]].field[name]
+    return str(system.modes[system.mode_names[mode]].field[name])
 
 
 def _rate(
