@@ -51,7 +51,7 @@ class Paper(Desk):
 
 def opened(session, toys, uploaded=lambda content: "0123456789ab") -> Page:
     """Return a page of a session."""
-    return Page(Paper(toys, session), uploaded)
+    return Page(Paper(toys, session), uploaded, lambda subject: "ba9876543210")
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("heard")
 def shown(empty):
     """Return the view of a session and the changes that it tells."""
     changes: list[dict[str, float]] = []
-    return ParameterView(empty, lambda: changes.append(empty.changed())), changes
+    return ParameterView(empty, lambda: changes.append(empty.changed()), lambda values: None), changes
 
 
 def bounded(tmp_path, **given) -> Session:
@@ -48,9 +48,23 @@ def test_a_slider_moves_the_number(shown):
     assert changes == [{"a": 0.55}]
 
 
+def test_a_slider_that_moves_is_told_and_takes_nothing_before_it_is_let_go(empty):
+    changes, moves = [], []
+    view = ParameterView(empty, lambda: changes.append(1), moves.append)
+    field = view._fields["a"]
+    for place in (60, 70, 70):
+        field._slider.value = place
+    assert [round(values["a"], 9) for values in moves] == [0.66, 0.77]
+    assert {values["e"] for values in moves} == {empty.settings.parameters["e"]}
+    assert changes == []
+    assert empty.changed() == {}
+    field._slider.value = 100  # back where it was
+    assert moves[-1]["a"] == empty.settings.parameters["a"]
+
+
 def test_a_value_that_is_not_allowed_is_put_back(tmp_path):
     session, changes = bounded(tmp_path, parameter_bounds={"k": (1.0, 3.0)}, positive=("k",)), []
-    field = ParameterView(session, lambda: changes.append(1))._fields["k"]
+    field = ParameterView(session, lambda: changes.append(1), lambda values: None)._fields["k"]
     for wrong in (3.5, 0.5, -1.0, None):
         field._number.value = wrong
         assert field._number.value == 2.0
@@ -61,7 +75,7 @@ def test_a_value_that_is_not_allowed_is_put_back(tmp_path):
 
 def test_a_slider_never_makes_a_positive_parameter_zero(tmp_path):
     session = bounded(tmp_path, positive=("k",))
-    field = ParameterView(session, lambda: None)._fields["k"]
+    field = ParameterView(session, lambda: None, lambda values: None)._fields["k"]
     slide(field, 0)
     assert 0.0 < session.settings.parameters["k"] <= 4.0 / 200
 
@@ -84,14 +98,14 @@ def test_the_start_is_taken(shown, empty):
 
 def test_the_start_has_a_phase_where_the_session_has_one(empty):
     empty.settings.x0 = (0.6, 3.1, 0.5)
-    view = ParameterView(empty, lambda: None)
+    view = ParameterView(empty, lambda: None, lambda values: None)
     assert [field.name for field in view._starts] == ["z", "v", "θ"]
 
 
 def test_a_mode_is_chosen_where_there_are_several(tmp_path, shown):
     assert not shown[0]._mode.visible
     session = Session(of_system(afm()), tmp_path)
-    view = ParameterView(session, lambda: None)
+    view = ParameterView(session, lambda: None, lambda values: None)
     assert view._mode.visible
     view._mode.value = "contact"
     assert session.settings.mode == "contact"

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.usefixtures("heard")
     [
         (lambda: widgets.number("a", 1.0, 90, "mine"), 2.5),
         (lambda: widgets.count("n", 3, 90, (2, 9), "mine"), 4),
-        (lambda: widgets.slider(10, 200, 90, "mine"), 20),
+        (lambda: widgets.slider(10, 200, 90, "mine", (0.0, 1.0)), 20),
         (lambda: widgets.choice("c", ["up", "down"], "up", 90, "mine"), "down"),
         (lambda: widgets.choice("c", {"above": "up", "below": "down"}, "up", 90, "mine"), "down"),
         (lambda: widgets.quantity("q", ["x", "v"], "x", 90, "mine"), "mean(x)"),

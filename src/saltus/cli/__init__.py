@@ -206,7 +206,7 @@ def explore(
         str | None,
         typer.Argument(
             metavar="[SYSTEM]",
-            help="FILE.py:NAME, MODULE:NAME, or a model of saltus; by default a choice.",
+            help="FILE.py:NAME, MODULE:NAME, FILE.txt, or a model of saltus; by default a choice.",
             autocompletion=_models,
         ),
     ] = None,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import InputError, nearest
-from saltus.explorer.subjects import of_file
+from saltus.explorer.subjects import of_file, of_text
 
 if TYPE_CHECKING:
     from saltus.explorer.subjects import Subject
@@ -53,11 +53,13 @@ class Application:
         Parameters
         ----------
         text : str
-            ``FILE.py:NAME`` or ``MODULE:NAME``, whose code is run, or the key of a model.
+            ``FILE.py:NAME`` or ``MODULE:NAME``, whose code is run, ``FILE.txt`` with equations, or the key of a model.
 
         Raises
         ------
         InputError
             There is no such system.
         """
+        if text.endswith(".txt"):
+            return of_text(Path(text))
         return of_file(text, Path.cwd()) if ":" in text or text.endswith(".py") else self.subject(text)

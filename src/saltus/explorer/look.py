@@ -35,6 +35,7 @@ __all__ = [
     "rounded_text",
     "table",
     "time_label",
+    "widen",
 ]
 
 DASHES = {"stable": "solid", "unstable": [6, 4], "not admissible": [2, 3], "virtual": [2, 3]}
@@ -124,6 +125,28 @@ def ends_of(values: Sequence[float] | NDArray[np.float64], margin: float = _MARG
         low, high = float(table.min()), float(table.max())
     room = margin * (high - low) if high > low else 0.1 * abs(high) or 1.0
     return low - room, high + room
+
+
+def widen(made: figure, places: NDArray[np.float64]) -> None:
+    """Widen both ranges of a figure so that they hold further places; they never shrink here.
+
+    Parameters
+    ----------
+    made : figure
+        The figure.
+    places : ndarray, shape (place, 2)
+        Coordinates; those that are not finite do not count.
+    """
+    found = places[np.all(np.isfinite(places), axis=1)]
+    for axis, values in zip((made.x_range, made.y_range), found.T, strict=True):
+        if values.size:
+            low, high = float(values.min()), float(values.max())
+            room = _MARGIN * (max(high, axis.end) - min(low, axis.start))
+            if low < axis.start or high > axis.end:
+                axis.update(
+                    start=low - room if low < axis.start else axis.start,
+                    end=high + room if high > axis.end else axis.end,
+                )
 
 
 def bare_label(name: str) -> str:

@@ -117,6 +117,10 @@ class Office:
         finally:
             removed(folder)
 
+    def defined(self, subject: Subject) -> str:
+        """Return the name of a new session of a system that was typed."""
+        return self._opened(Session(subject, new_folder(self.home))).session.folder.name
+
     @property
     def key(self) -> str:
         """Key of the system that a new session has."""

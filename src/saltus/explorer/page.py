@@ -11,32 +11,39 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
-from saltus.explorer.action_view import ActionView, StartView
 from saltus.explorer.basin_search import Search, map_plane
-from saltus.explorer.basin_view import BasinView
 from saltus.explorer.desk import Desk, Listener, Work
-from saltus.explorer.diagram_view import DiagramView
-from saltus.explorer.list_view import ListView
+from saltus.explorer.live import Live
 from saltus.explorer.numerics import with_numerics
-from saltus.explorer.numerics_view import NumericsView
-from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
+from saltus.explorer.plane_view import colour_of_motion
 from saltus.explorer.points.stepping import stepped
 from saltus.explorer.points.view import PointView
 from saltus.explorer.points.wishes import Wishes
-from saltus.explorer.session_view import link
 from saltus.explorer.solutions import observable_of, traits_of
 from saltus.explorer.steps import Basin, FindEquilibrium, FindOrbit, Move, Place, Step, taken
+from saltus.explorer.views.action_view import ActionView, StartView
+from saltus.explorer.views.basin_view import BasinView
+from saltus.explorer.views.diagram_view import DiagramView
+from saltus.explorer.views.diagrams_view import DiagramsView
+from saltus.explorer.views.equations_view import EquationsView
+from saltus.explorer.views.list_view import ListView
+from saltus.explorer.views.numerics_view import NumericsView
+from saltus.explorer.views.orbit_view import OrbitView
+from saltus.explorer.views.session_view import link
+from saltus.explorer.views.space_view import SpaceView
 from saltus.explorer.work_line import line_of, share_of
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry
+    from saltus.explorer.subjects import Subject
 
 __all__ = ["Page"]
 
 _STOP = "Stop"  # what the button says before it was pressed
 _END = "End now"  # and after
+_LIVE_PACE = 8  # milliseconds between two looks for what is drawn while a slider moves
 _PERIODS = 60  # periods of the motion that a click on a cell runs
 _SPANS = 30.0  # periods of the selected orbit, of a system without a phase
 
@@ -50,19 +57,28 @@ class Page(Listener):
         The session and its process.
     uploaded : callable
         Called with the content of a session's file; it returns the name of this session.
+    defined : callable
+        Called with a `Subject`; it returns the name of a new session of it.
     """
 
-    def __init__(self, desk: Desk, uploaded: Callable[[bytes], str]) -> None:
+    def __init__(self, desk: Desk, uploaded: Callable[[bytes], str], defined: Callable[[Subject], str]) -> None:
         self.desk, self.session = desk, desk.session
+        self._live_watch: Any = None
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
         self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
         self._stop.visible = False
         widgets.on_click(self._stop, self._stop_clicked)
         self.diagram = DiagramView(self.session, self.select, self._line, self._settings_changed)
-        self.orbit = OrbitView(self.session, self._line, desk.application.readings)
+        self.diagrams = DiagramsView(self.session, self.diagram, self.select, self._line, self._settings_changed)
+        self.orbit = OrbitView(self.session, self._line, desk.application.readings, self._simulate)
+        self.plane = self.orbit.plane
+        self.live = Live(self.plane.show_frame)
         self.basins = BasinView(self.session, self._map, self._follow_cell)
-        self.orbit.tabs.append(("Basins", self.basins.panel))
-        self.parameters = ParameterView(self.session, self._settings_changed)
+        self.equations = EquationsView(self.session, defined)
+        self.space = SpaceView(self.session, self.diagram.colour)
+        parts: dict[str, Any] = {"Basins": self.basins, "3-D": self.space, "Equations": self.equations}
+        self.orbit.tabs.extend([(name, part.panel) for name, part in parts.items()])
+        self.parameters = ParameterView(self.session, self._values_changed, self._slides)
         self.numerics = NumericsView(self.session, self._settings_changed)
         self.starts = StartView(self.session, self.run, self._observed, self._line)
         self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films, self._line)
@@ -98,7 +114,7 @@ class Page(Listener):
                 widgets.html("heading", "<h2>Open a session</h2>", (8, 8, 0, 8)),
                 self._file,
             ),
-            "diagram": self.diagram.panel,
+            "diagram": self.diagrams.panel,
             "results": widgets.column(self.actions.panel, self._tabs),
             "orbit": self.orbit.panel,
             "status": widgets.row(self._stop, self._bar, self._work, self._message, wrap=True),
@@ -161,7 +177,7 @@ class Page(Listener):
     def select(self, place: Place) -> None:
         """Show a solution at the right side, and what can be done with it."""
         self.session.settings.selected = place
-        self.diagram.mark_chosen()
+        self.diagrams.mark_chosen()
         self._show_selected()
         self.points.show()
         self.desk.change(self)
@@ -209,8 +225,51 @@ class Page(Listener):
         self._tell_script()
         self.desk.change(self)
 
+    def _values_changed(self) -> None:
+        """Take in values that were changed, and draw what follows at once."""
+        self._settings_changed()
+        self.plane.values_are(self.session.settings.parameters)
+        self._slides(self.session.settings.parameters)
+
+    def _slides(self, parameters: dict[str, float]) -> None:
+        """Draw the motion from the start, and the orbit that is carried along, at values that a slider passes."""
+        if self.plane.live:
+            self.live.want(self.plane.wish(parameters))
+            self._attend_live()
+
+    def _ready(self) -> None:
+        """Start the process that draws while a slider moves, before one does."""
+        if self.plane.live and self.session.entries:
+            self.live.want(self.plane.wish(self.session.settings.parameters, shown=False))
+            self._attend_live()
+
+    def _attend_live(self) -> None:
+        import panel as pn
+
+        document = pn.state.curdoc
+        if self._live_watch is None and self.live.busy and document is not None:
+            self._live_watch = document.add_periodic_callback(self._look_live, _LIVE_PACE)
+
+    def _look_live(self) -> None:
+        self.live.listen()
+        if not self.live.busy and self._live_watch is not None:
+            self.diagram.figure.document.remove_periodic_callback(self._live_watch)
+            self._live_watch = None
+
+    def _simulate(self, x0: tuple[float, ...], span: float) -> None:
+        """Simulate the motion from a start, and keep it."""
+        settings = self.session.settings
+        if x0 != settings.x0:
+            settings.x0, settings.mode = x0, None
+            self.parameters.show()
+        forced = self.session.system.phase is not None
+        lasts: dict[str, Any] = {"periods": max(round(span), 1)} if forced else {"t_end": span}
+        self.run(Move(parameters=self.session.changed(), x0=x0, mode=settings.mode, **lasts))
+
     def _hidden_changed(self) -> None:
-        self.diagram.redraw()
+        self.diagrams.redraw()
+        self.space.redraw()
+        self.plane.draw()
         self._settings_changed()
 
     def _observed(self) -> tuple[str, ...]:
@@ -264,6 +323,8 @@ class Page(Listener):
         if entry.step.noun == "motion":
             self.orbit.tabs.active = 0
         self._show_all()
+        if len(self.session.entries) == 1:
+            self._ready()
 
     def changed(self) -> None:
         """Show what another page has changed."""
@@ -271,6 +332,7 @@ class Page(Listener):
         self.points.forget_gone()
         self.parameters.show()
         self.numerics.show()
+        self.plane.values_are(self.session.settings.parameters)
         self._show_all()
 
     def worked(self, work: Work) -> None:
@@ -286,6 +348,10 @@ class Page(Listener):
         self._message.css_classes = ["message", "error"] if error else ["message"]
         self._message.object = escape(line)
 
+    def close(self) -> None:
+        """End the process that draws."""
+        self.live.close()
+
     def _line(self, line: str) -> None:
         self.told(line, error=bool(line))
 
@@ -300,8 +366,9 @@ class Page(Listener):
             return None
 
     def _show_all(self) -> None:
-        self.diagram.redraw()
-        self.list.show(self.diagram.colour, self.diagram.unseen)
+        self.diagrams.redraw()
+        self.space.redraw()
+        self.list.show(self._colour, self.diagram.unseen)
         self.points.show()
         self.undo.disabled = not self.session.entries
         self._show_selected()
@@ -310,6 +377,11 @@ class Page(Listener):
         if basins:
             self.basins.show(basins[-1])
 
+    def _colour(self, number: int) -> str:
+        entry = self.session.entries[number]
+        moves = entry.step.noun == "motion"
+        return colour_of_motion(self.session, entry.name) if moves else self.diagram.colour(number)
+
     def _tell_script(self) -> None:
         self.diagram.figure.tags = [self.session.script()]  # from where the page's script copies it
 
@@ -317,6 +389,7 @@ class Page(Listener):
         place, solution = self.session.settings.selected, self._selected()
         told = "" if place is None or solution is None else _title(place, self.session.results, solution)
         self.orbit.show(solution, told)
+        self.live.start_from(solution)
         self.actions.show(told)
         if traits_of(solution).what:
             self.basins.solution_is(solution)
@@ -328,6 +401,7 @@ class Page(Listener):
             settings, system = self.session.settings, self.session.system
             find = FindOrbit if system.phase is not None or system.transitions else FindEquilibrium
             self.run(find(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
+        self._ready()
 
 
 def _title(place: Place, results: Any, solution: Any) -> str:

@@ -28,12 +28,16 @@ class ParameterView:
         What is shown.
     changed : callable
         Called after a value was changed.
+    moved : callable
+        Called with the values of all parameters while a slider moves.
     """
 
-    def __init__(self, session: Session, changed: Callable[[], None]) -> None:
-        self._session, self._changed, self._showing = session, changed, False
+    def __init__(
+        self, session: Session, changed: Callable[[], None], moved: Callable[[dict[str, float]], None]
+    ) -> None:
+        self._session, self._changed, self._moved, self._showing = session, changed, moved, False
         system = session.system
-        self._fields = {name: _Field(session, name, self._take) for name in system.parameter_names}
+        self._fields = {name: _Field(session, name, self._take, self._slid) for name in system.parameter_names}
         names = [*system.states]
         if len(session.settings.x0) > len(names) and system.phase is not None:
             names.append(system.phase[0])
@@ -57,6 +61,10 @@ class ParameterView:
         widget = widgets.number(look.bare_label(name), value, 112, f"start-{name}", (1, 4))
         widgets.on_change(widget, lambda _: self._take())
         return widget
+
+    def _slid(self, name: str, value: float) -> None:
+        """Tell the values while a slider moves; the session takes them when it stands still."""
+        self._moved({other: field.value for other, field in self._fields.items()} | {name: value})
 
     def _take(self) -> None:
         """Take the values of all fields into the session."""
@@ -105,17 +113,21 @@ class ParameterView:
 class _Field:
     """A number field and a slider for one parameter; the slider counts steps over a range, in any units."""
 
-    def __init__(self, session: Session, name: str, taken: Callable[[], None]) -> None:
-        system, self._taken = session.system, taken
-        self.value = session.settings.parameters[name]
+    def __init__(
+        self, session: Session, name: str, taken: Callable[[], None], moved: Callable[[str, float], None]
+    ) -> None:
+        system, self._taken, self._moved, self._name = session.system, taken, moved, name
+        self.value = self._shown = session.settings.parameters[name]
         self._range = range_of(session, name)
         least, most = system.parameter_bounds.get(name, (-math.inf, math.inf))
         self._least, self._open = max(least, 0.0 if name in system.positive else least), name in system.positive
         self._most = most
         label = widgets.html("parameter-name", escape(look.bare_label(name)), (0, 0, 0, 6), width=118)
         self._number = widgets.number("", self.value, 118, f"parameter-{name}", (1, 4))
-        self._slider = widgets.slider(self._place(self.value), _TICKS, _WIDTH - 8, f"slider-{name}")
+        place = self._place(self.value)
+        self._slider = widgets.slider(place, _TICKS, _WIDTH - 8, f"slider-{name}", self._range)
         widgets.on_change(self._number, self._typed)
+        widgets.on_change(self._slider, self._slides)
         widgets.on_change(self._slider, self._slid, "value_throttled")
         self.panel = widgets.column(widgets.row(label, self._number), self._slider)
 
@@ -125,7 +137,7 @@ class _Field:
 
     def show(self, value: float) -> None:
         """Show a value."""
-        self.value = value
+        self.value = self._shown = value
         self._number.value, self._slider.value = value, self._place(value)
 
     def _typed(self, value: float | None) -> None:
@@ -137,10 +149,21 @@ class _Field:
         self.show(float(value))
         self._taken()
 
+    def _slides(self, place: int) -> None:
+        """Tell the value that a moving slider shows; the field shows it when the slider stands still."""
+        value = self.value if place == self._place(self.value) else self._at(place)
+        if value != self._shown:
+            self._shown = value
+            self._moved(self._name, value)
+
     def _slid(self, place: int) -> None:
-        low, high = self._range
         if place != self._place(self.value):
-            self._typed(float(f"{low + (high - low) * max(place, 1 if self._open else 0) / _TICKS:.6g}"))
+            self._typed(self._at(place))
+
+    def _at(self, place: int) -> float:
+        """Return the value at a place of the slider."""
+        low, high = self._range
+        return float(f"{low + (high - low) * max(place, 1 if self._open else 0) / _TICKS:.6g}")
 
 
 def range_of(session: Session, name: str) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from saltus.work import uncollected
 if TYPE_CHECKING:
     from saltus.explorer.office import Office
     from saltus.explorer.page import Page
-    from saltus.explorer.session_view import SessionView
+    from saltus.explorer.views.session_view import SessionView
 
 __all__ = ["LOOPBACK", "Address", "free_port", "serve"]
 
@@ -88,9 +88,10 @@ def _page_of(office: Office) -> Callable[[], Any]:
             return pn.pane.HTML(f"<p>{escape(str(error))}</p>")
         with uncollected(), pn.state.curdoc.models.freeze():
             from saltus.explorer.page import Page
-            from saltus.explorer.session_view import SessionView
+            from saltus.explorer.views.session_view import SessionView
 
-            page, sessions = Page(desk, office.uploaded), SessionView(desk, office)
+            page, sessions = Page(desk, office.uploaded, office.defined), SessionView(desk, office)
+            pn.state.on_session_destroyed(lambda _: page.close())
             for listener in (page, sessions):
                 pn.state.on_session_destroyed(lambda _, listener=listener: desk.leave(listener))
             pn.state.onload(page.begin)

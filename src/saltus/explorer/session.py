@@ -58,7 +58,9 @@ class Settings:
     chosen: dict[str, str] = field(default_factory=dict)  # parameters by what they are chosen for, as ``"sweep"``
     # ranges that were typed, by what they are for and by parameter
     ranges: dict[str, dict[str, tuple[float, float]]] = field(default_factory=dict)
+    more_axes: list[tuple[str, ...]] = field(default_factory=list)  # those of further diagrams
     planes: tuple[str, ...] = ()  # what the phase portrait shows
+    layers: tuple[str, ...] = ("live",)  # what is ticked to be drawn in it, too
     selected: Place | None = None  # the solution that the right side shows
     hidden: set[str] = field(default_factory=set)  # names of results that are not drawn
     numerics: Numerics = field(default_factory=Numerics)  # steps, tolerances, the section of sweeps
@@ -198,7 +200,9 @@ class Session:
             "fixed": sorted(kept.fixed),
             "chosen": kept.chosen,
             "ranges": kept.ranges,
+            "more_axes": [list(axes) for axes in kept.more_axes],
             "planes": list(kept.planes),
+            "layers": list(kept.layers),
             "selected": None if kept.selected is None else kept.selected.model_dump(),
             "hidden": sorted(kept.hidden),
             "numerics": kept.numerics.model_dump(exclude_defaults=True),
@@ -297,6 +301,8 @@ class Session:
             kept.fixed = set(map(str, notes.get("fixed", ())))
             kept.chosen = {str(use): str(name) for use, name in notes.get("chosen", {}).items()}
             kept.ranges = {str(use): _ranges(given) for use, given in notes.get("ranges", {}).items()}
+            kept.more_axes = [(str(x), str(y)) for x, y in notes.get("more_axes", ())]
+            kept.layers = tuple(map(str, notes.get("layers", kept.layers)))
             kept.selected = None if notes["selected"] is None else Place.model_validate(notes["selected"])
         except SaltusError:
             raise

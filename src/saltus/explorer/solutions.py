@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any
@@ -58,24 +58,24 @@ def _(rest: Equilibrium) -> Traits:
 
 @dataclass(frozen=True)
 class Path:
-    """A motion as curves in two quantities."""
+    """A motion as curves in some quantities."""
 
-    # shape (vertex, 2): the curve, cut at events and where an angle passes 2 pi
+    # shape (vertex, name): the curve, cut at events and where an angle passes 2 pi
     curves: list[NDArray[np.float64]] = field(default_factory=list)
     modes: list[int] = field(default_factory=list)  # the mode of each curve
-    # shape (event, 2): where events are; of what does not flow, as an equilibrium, where it is
+    # shape (event, name): where events are; of what does not flow, as an equilibrium, where it is
     events: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
 
 
 @singledispatch
-def path_of(motion: Any, names: tuple[str, str]) -> Path:
-    """Return a solution or a motion as curves in two quantities.
+def path_of(motion: Any, names: Sequence[str]) -> Path:
+    """Return a solution or a motion as curves in some quantities.
 
     Parameters
     ----------
     motion : PeriodicOrbit, Equilibrium, Trajectory or another
         The motion; of what is none, there are no curves.
-    names : (str, str)
+    names : sequence of str
         ``t``, states, outputs or expressions.
 
     Raises
@@ -94,30 +94,30 @@ def path_of(motion: Any, names: tuple[str, str]) -> Path:
 
 
 @path_of.register
-def _(orbit: PeriodicOrbit, names: tuple[str, str]) -> Path:
+def _(orbit: PeriodicOrbit, names: Sequence[str]) -> Path:
     curves, modes = segments_of(orbit, names)
     return _cut(orbit.system, names, curves, modes, curves if orbit.form.transitions[-1] >= 0 else [])
 
 
 @path_of.register
-def _(motion: Trajectory, names: tuple[str, str]) -> Path:
+def _(motion: Trajectory, names: Sequence[str]) -> Path:
     curves, modes, _ = flights_of(motion, names)
     ended = zip(curves, motion.events["kind"], strict=False)
     return _cut(motion.system, names, curves, modes, [curve for curve, kind in ended if kind == "event"])
 
 
 @path_of.register
-def _(rest: Equilibrium, names: tuple[str, str]) -> Path:
+def _(rest: Equilibrium, names: Sequence[str]) -> Path:
     curves, mode = linear_motions(rest, names), rest.system.mode_index(rest.mode)
     return Path(curves, [mode] * len(curves), _at_rest(rest, names))
 
 
 @path_of.register
-def _(solution: Solution, names: tuple[str, str]) -> Path:
+def _(solution: Solution, names: Sequence[str]) -> Path:
     return Path(events=_at_rest(solution, names))
 
 
-def _at_rest(solution: Solution, names: tuple[str, str]) -> NDArray[np.float64]:
+def _at_rest(solution: Solution, names: Sequence[str]) -> NDArray[np.float64]:
     """Return where a solution is in two quantities; shape (place, 2)."""
     places, states = solution.states_along()
     columns = {"t": places, **dict(zip(solution.system.states, states.T, strict=True))}
@@ -128,7 +128,7 @@ def _at_rest(solution: Solution, names: tuple[str, str]) -> NDArray[np.float64]:
 
 def _cut(
     system: HybridSystem,
-    names: tuple[str, str],
+    names: Sequence[str],
     curves: list[NDArray[np.float64]],
     modes: list[int],
     ends: list[NDArray[np.float64]],
@@ -137,7 +137,9 @@ def _cut(
     phase = None if system.phase is None else system.phase[0]
     cut = [unwrapped_parts(curve, [name == phase for name in names]) for curve in curves]
     told = [mode for mode, parts in zip(modes, cut, strict=True) for _ in parts]
-    return Path([part for parts in cut for part in parts], told, np.reshape([curve[-1] for curve in ends], (-1, 2)))
+    return Path(
+        [part for parts in cut for part in parts], told, np.reshape([curve[-1] for curve in ends], (-1, len(names)))
+    )
 
 
 @singledispatch

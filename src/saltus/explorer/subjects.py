@@ -14,7 +14,7 @@ from saltus.system import HybridSystem
 if TYPE_CHECKING:
     from saltus.system import Map
 
-__all__ = ["Subject", "definition_of", "of_file", "of_system", "system_of"]
+__all__ = ["Subject", "definition_of", "of_file", "of_system", "of_text", "system_of"]
 
 
 class Subject(NamedTuple):
@@ -75,6 +75,25 @@ def of_system(system: HybridSystem | Map, key: str = "") -> Subject:
         raise InputError("system", type(system).__name__, "a HybridSystem", "a Map has `diagram` and `plot`")
     lines = ("import saltus", "", f"system = saltus.HybridSystem.from_definition({system.definition()!r})")
     return Subject(key or system.name or "system", definition_of(system), lines)
+
+
+def of_text(path: Path) -> Subject:
+    """Return the system in a file of equations as text.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or its text is no system: the message names the line.
+    """
+    from saltus.explorer.equations import LONGEST, read_equations
+
+    try:
+        if path.stat().st_size > 4 * LONGEST:
+            raise InputError("SYSTEM", str(path), f"a file of at most {LONGEST} characters")
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError("SYSTEM", str(path), "a text file that can be read", str(error)) from None
+    return of_system(read_equations(text), str(path.absolute()))
 
 
 def of_file(reference: str, folder: Path) -> Subject:

@@ -21,6 +21,7 @@ __all__ = [
     "film",
     "fold",
     "html",
+    "lines",
     "number",
     "on_change",
     "on_click",
@@ -28,9 +29,11 @@ __all__ = [
     "poster",
     "quantity",
     "row",
+    "side_by_side",
     "slider",
     "tabs",
     "text",
+    "tick",
     "upload",
 ]
 
@@ -91,9 +94,17 @@ def fold(title: str, *parts: Any) -> Any:
     return pn.Card(*parts, title=title, stylesheets=_sheets(), **options)
 
 
-def number(title: str, value: float | None, width: int, name: str = "", margin: tuple[int, ...] = _MARGIN) -> Any:
-    """Return a field for a number."""
-    options = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
+def number(
+    title: str,
+    value: float | None,
+    width: int,
+    name: str = "",
+    margin: tuple[int, ...] = _MARGIN,
+    ends: tuple[float | None, float | None] = (None, None),
+) -> Any:
+    """Return a field for a number, between two ends where they are given."""
+    options: dict[str, Any] = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
+    options |= {"start": ends[0], "end": ends[1]}
     return pn.widgets.FloatInput(name=title, value=value, width=width, **options)
 
 
@@ -103,9 +114,14 @@ def count(title: str, value: int, width: int, ends: tuple[int, int], name: str) 
     return pn.widgets.IntInput(name=title, value=value, width=width, **options)
 
 
-def slider(value: int, end: int, width: int, name: str) -> Any:
-    """Return a slider that counts steps from 0 to an end."""
+def slider(value: int, end: int, width: int, name: str, shown: tuple[float, float]) -> Any:
+    """Return a slider that counts steps from 0 to an end, and shows a value between two others while it moves."""
+    from bokeh.models import CustomJSTickFormatter
+
+    low, high = shown
+    code = f"return String(Number(({low!r} + {high - low!r} * tick / {end}).toPrecision(6)))"
     options = {"css_classes": [name], "margin": (0, 12), "stylesheets": _sheets(), "show_value": False}
+    options |= {"format": CustomJSTickFormatter(code=code)}
     return pn.widgets.IntSlider(value=value, start=0, end=end, width=width, **options)
 
 
@@ -129,10 +145,22 @@ def checkbox(value: bool, name: str) -> Any:
     return pn.widgets.Checkbox(value=value, width=18, **options)
 
 
+def tick(text: str, value: bool) -> Any:
+    """Return a box to tick, with a text, which is its name, too."""
+    options = {"css_classes": [f"tick-{text}"], "margin": (4, 6, 6, 4), "stylesheets": _sheets()}
+    return pn.widgets.Checkbox(name=text, value=value, **options)
+
+
 def text(name: str, placeholder: str, width: int) -> Any:
     """Return a field for a text."""
     options = {"css_classes": [name], "margin": (2, 4, 2, 8), "stylesheets": _sheets()}
     return pn.widgets.TextInput(placeholder=placeholder, width=width, **options)
+
+
+def lines(name: str, value: str, rows: int, longest: int) -> Any:
+    """Return a field for a text of many lines, as wide as there is room."""
+    options = {"css_classes": [name], "margin": (4, 8), "stylesheets": _sheets(), "sizing_mode": "stretch_width"}
+    return pn.widgets.TextAreaInput(value=value, rows=rows, max_length=longest, **options)
 
 
 def download(label: str, filename: str, callback: Any) -> Any:
@@ -172,6 +200,11 @@ def row(*parts: Any, name: str = "", wrap: bool = False) -> Any:
 def beside(*parts: Any) -> Any:
     """Return parts beside each other, as wide as there is room."""
     return pn.Row(*parts, margin=0, sizing_mode="stretch_width")
+
+
+def side_by_side(*parts: Any) -> Any:
+    """Return parts beside each other, as wide and high as there is room; further ones can be appended."""
+    return pn.Row(*parts, margin=0, sizing_mode="stretch_both")
 
 
 def column(*parts: Any, name: str = "", high: bool = False) -> Any:

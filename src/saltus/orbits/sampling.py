@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["Steps", "column_of", "motion_of", "sample_orbit", "steps_of"]
+__all__ = ["Steps", "column_of", "followed", "motion_of", "sample_orbit", "steps_of"]
 
 _FEWEST = 16  # fewest steps in a segment, so that a short one is still a curve
 
@@ -72,9 +72,7 @@ def sample_orbit(problem: OrbitProblem, u: NDArray[np.float64], points: int = 40
 
     points = checks.size("points", points, 2)
     system, parameters = problem.system, _parameters(problem, u)
-    times, states, modes = _follow(problem, u, points)
-    for mode in np.unique(modes).tolist():
-        states[np.ix_(modes == mode, absent_states(system, mode))] = math.nan
+    times, states, modes = followed(problem, u, points)
     columns = dict(zip(system.all_states, states.T, strict=True))
     columns |= {name: evaluate(system, name, states, modes, parameters) for name in system.output_names}
     if system.phase is not None:
@@ -162,10 +160,24 @@ def _parameters(problem: OrbitProblem, u: NDArray[np.float64]) -> dict[str, floa
     return dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
 
 
-def _follow(
-    problem: OrbitProblem, u: NDArray[np.float64], points: int
+def followed(
+    problem: OrbitProblem, u: NDArray[np.float64], points: int = 400
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Return times, full states (time, state) and modes' indices, one segment after the other."""
+    """Return the orbit `u` as `sample_orbit` does, as arrays and without outputs.
+
+    Parameters
+    ----------
+    problem, u, points
+        As in `sample_orbit`.
+
+    Returns
+    -------
+    times : ndarray, shape (time,)
+    states : ndarray, shape (time, all states)
+        Full states, the phase not wrapped; NaN for what a mode lacks.
+    modes : ndarray of int, shape (time,)
+        Indices of the modes.
+    """
     steps, form = steps_of(problem), problem.signature
     durations = u[: problem.size].reshape(problem.segments, problem.n + 1)[:, problem.n]
     begun, whole = 0.0, max(float(np.abs(durations).sum()), 1e-300)
@@ -182,4 +194,7 @@ def _follow(
         times[-1][-1] = begun
         if form.kinds[index] == CUT_END:  # a cut is no place of its own
             times[-2], states[-2], modes[-2] = times[-2][:-1], states[-2][:-1], modes[-2][:-1]
-    return np.concatenate(times), np.concatenate(states), np.concatenate(modes)
+    table, places = np.concatenate(states), np.concatenate(modes)
+    for mode in np.unique(places).tolist():
+        table[np.ix_(places == mode, absent_states(problem.system, mode))] = math.nan
+    return np.concatenate(times), table, places

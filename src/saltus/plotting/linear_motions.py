@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from saltus.equilibria import Equilibrium
@@ -22,7 +24,7 @@ _TURNS = 6.0  # turns of the fastest oscillation that are shown at most
 _POINTS = 400  # points of a motion
 
 
-def linear_motions(rest: Equilibrium, names: tuple[str, str]) -> list[NDArray[np.float64]]:
+def linear_motions(rest: Equilibrium, names: Sequence[str]) -> list[NDArray[np.float64]]:
     """Return motions of the field linearised at an equilibrium, from places about it in the plane of two states.
 
     The motion from x0 + u is x0 + exp(t J) u, with the Jacobian J of the field, taken by its eigenvectors. With ``t``,
@@ -33,7 +35,7 @@ def linear_motions(rest: Equilibrium, names: tuple[str, str]) -> list[NDArray[np
     ----------
     rest : Equilibrium
         The equilibrium.
-    names : (str, str)
+    names : sequence of str
         States, or ``t`` and a state; where there are others, no motions are returned.
 
     Returns
@@ -84,7 +86,7 @@ def _directions(count: int) -> NDArray[np.float64]:
     return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-def _times(values: NDArray[np.complex128], names: tuple[str, str]) -> NDArray[np.float64]:
+def _times(values: NDArray[np.complex128], names: Sequence[str]) -> NDArray[np.float64]:
     """Return times of a few decays or turns, forward or backward or both."""
     rates, turns = np.abs(values.real), np.abs(values.imag)
     slow = rates[rates > 1e-9 * max(float(np.abs(values).max()), 1e-300)]

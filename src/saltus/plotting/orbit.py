@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.sampling import column_of
+from saltus.orbits.sampling import followed
 from saltus.plotting import plot, style
 from saltus.system import angles
 from saltus.system.angles import TURN
@@ -68,14 +68,14 @@ def plot_orbit(
     return ax
 
 
-def segments_of(orbit: PeriodicOrbit, names: tuple[str, str]) -> tuple[list[NDArray[np.float64]], list[int]]:
-    """Return the segments of an orbit as curves in two quantities, each of shape (vertex, 2), and their modes.
+def segments_of(orbit: PeriodicOrbit, names: Sequence[str]) -> tuple[list[NDArray[np.float64]], list[int]]:
+    """Return the segments of an orbit as curves in some quantities, each of shape (vertex, name), and their modes.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
         The orbit.
-    names : (str, str)
+    names : sequence of str
         Quantities that `plot_orbit` takes.
 
     Raises
@@ -83,9 +83,10 @@ def segments_of(orbit: PeriodicOrbit, names: tuple[str, str]) -> tuple[list[NDAr
     InputError
         A text that is no expression, or an unknown name in it.
     """
-    system, sample = orbit.system, orbit.sample()
-    times, modes_at = sample["t"].values, sample["mode"].values
-    states = np.column_stack([sample[column_of(name)].values for name in system.all_states])
+    system = orbit.system
+    times, states, modes_at = followed(orbit.problem(), orbit.unknowns)
+    if system.phase is not None:
+        states[:, -1] %= 2.0 * math.pi
     columns = [times if name == "t" else evaluate(system, name, states, modes_at, orbit.parameters) for name in names]
     ends = np.flatnonzero(np.diff(times) <= 0.0) + 1
     return np.split(np.column_stack(columns), ends), [int(part[0]) for part in np.split(modes_at, ends)]
@@ -177,7 +178,7 @@ def draw_jump(ax: Axes, before: NDArray[np.float64], after: NDArray[np.float64],
 
 
 def unwrapped_parts(curve: NDArray[np.float64], wrapped: Iterable[bool]) -> list[NDArray[np.float64]]:
-    """Return a curve, shape (vertex, 2), cut where an angle passes 2 pi; parts are extended to 2 pi and 0."""
+    """Return a curve, shape (vertex, quantity), cut where an angle passes 2 pi; parts are extended to 2 pi and 0."""
     breaks: set[int] = set()
     for column, angle in enumerate(wrapped):
         if angle:

@@ -14,6 +14,8 @@ from saltus.system import angles
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
@@ -66,23 +68,23 @@ def plot_trajectory(
 
 
 def flights_of(
-    trajectory: Trajectory, names: tuple[str, str]
+    trajectory: Trajectory, names: Sequence[str]
 ) -> tuple[list[NDArray[np.float64]], list[int], NDArray[np.float64]]:
-    """Return a motion between its events as curves in two quantities.
+    """Return a motion between its events as curves in some quantities.
 
     Parameters
     ----------
     trajectory : Trajectory
         The motion.
-    names : (str, str)
+    names : sequence of str
         Quantities that `plot_trajectory` takes.
 
     Returns
     -------
-    curves : list of ndarray, shape (vertex, 2)
+    curves : list of ndarray, shape (vertex, name)
     modes : list of int
         The mode of each curve.
-    grazing : ndarray, shape (event, 2)
+    grazing : ndarray, shape (event, name)
         Where events graze.
 
     Raises
@@ -95,7 +97,7 @@ def flights_of(
     curves = [np.column_stack(pair) for pair in zip(*columns, strict=True)]
     times = set(trajectory.events["time"][trajectory.events["grazing"]].tolist())
     places = [curve[-1] for (_, t, _), curve in zip(stretches, curves, strict=True) if float(t[-1]) in times]
-    return curves, [mode for mode, _, _ in stretches], np.reshape(places, (-1, 2))
+    return curves, [mode for mode, _, _ in stretches], np.reshape(places, (-1, len(names)))
 
 
 def _stretches(trajectory: Trajectory) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:

@@ -4,7 +4,7 @@ from bokeh.models import ColumnDataSource, HoverTool, Label
 
 from saltus.explorer.figures.pointer import tell_at_pointer
 from saltus.explorer.look import figure_of
-from saltus.explorer.orbit_view import OrbitView
+from saltus.explorer.views.orbit_view import OrbitView
 
 
 def test_a_figure_has_one_text_which_goes_with_the_data():

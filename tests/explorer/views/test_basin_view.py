@@ -5,7 +5,7 @@ import pytest
 
 from saltus.basins import Basins, Grid
 from saltus.basins.map.outcomes import Outcomes
-from saltus.explorer.basin_view import BasinView
+from saltus.explorer.views.basin_view import BasinView
 
 pytestmark = pytest.mark.usefixtures("heard")
 

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from saltus.explorer.list_view import ListView, line_of
+from saltus.explorer.views.list_view import ListView, line_of
 
 pytestmark = pytest.mark.usefixtures("heard")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from saltus.explorer.action_view import ActionView, StartView
 from saltus.explorer.steps import Cascade, Continue, FindEquilibrium, FindOrbit, Follow, Place, Sweep, Switch
+from saltus.explorer.views.action_view import ActionView, StartView
 
 pytestmark = pytest.mark.usefixtures("heard")
 

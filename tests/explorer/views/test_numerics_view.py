@@ -3,7 +3,7 @@
 import pytest
 
 from saltus.explorer.numerics import Numerics
-from saltus.explorer.numerics_view import NumericsView
+from saltus.explorer.views.numerics_view import NumericsView
 
 pytestmark = pytest.mark.usefixtures("heard")
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from saltus.explorer import colours
-from saltus.explorer.diagram_view import DiagramView
 from saltus.explorer.drawing import Drawn
 from saltus.explorer.steps import Place
+from saltus.explorer.views.diagram_view import DiagramView
 from saltus.plotting import style
 
 pytestmark = pytest.mark.usefixtures("heard")
@@ -118,7 +118,7 @@ def test_a_cascade_is_marked_but_not_taken(empty, taken_steps, chosen, lines, mo
     class Two:
         points = ()
 
-    monkeypatch.setattr("saltus.explorer.diagram_view.drawn", lambda result, axes: doubled)
+    monkeypatch.setattr("saltus.explorer.views.diagram_view.drawn", lambda result, axes: doubled)
     from saltus.explorer.drawing import Drawn, Mark
 
     doubled = Drawn(marks=(Mark("PD", "PD1", 1.0, 2.0),))
@@ -229,7 +229,9 @@ def test_dots_of_a_sweep_are_larger_than_a_curve_is_wide_and_have_its_colour(vie
 
 def test_many_dots_above_each_other_are_small(empty, chosen, lines, taken_steps, monkeypatch):
     x, y = np.repeat([1.0, 2.0], 40), np.r_[np.linspace(0.0, 1.0, 40), np.tile([0.25, 0.5], 20)]
-    monkeypatch.setattr("saltus.explorer.diagram_view.drawn", lambda result, axes: Drawn(dots=np.column_stack([x, y])))
+    monkeypatch.setattr(
+        "saltus.explorer.views.diagram_view.drawn", lambda result, axes: Drawn(dots=np.column_stack([x, y]))
+    )
     empty.add(taken_steps[0]["sweep1"], taken_steps[1]["sweep1"])
     sizes = data(DiagramView(empty, chosen.append, lines.append), "dots")["size"]
     assert (set(sizes[:40]), set(sizes[40:])) == ({2.5}, {5.5})

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["ListView", "line_of"]
 
 # Kinds of results that are drawn in a colour, and whether as dots.
-_COLOURED = {"branch": False, "locus": False, "sweep": True, "orbit": True, "equilibrium": True}
+_COLOURED = {"branch": False, "locus": False, "motion": False, "sweep": True, "orbit": True, "equilibrium": True}
 
 
 class ListView:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from saltus.explorer.orbit_view import OrbitView
+from saltus.explorer.views.orbit_view import OrbitView
 
 pytestmark = pytest.mark.usefixtures("heard")
 
@@ -15,7 +15,7 @@ def lines() -> list[str]:
 
 def viewed(session, lines, toys, name: str = "") -> OrbitView:
     """Return the view of a result."""
-    made = OrbitView(session, lines.append, toys.readings)
+    made = OrbitView(session, lines.append, toys.readings, lambda x0, span: None)
     if name:
         made.show(session.results[name], f"<b>{name}</b>")
     return made

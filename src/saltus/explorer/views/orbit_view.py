@@ -11,6 +11,7 @@ from saltus.explorer import look, widgets
 from saltus.explorer.colours import INK
 from saltus.explorer.figures.pointer import tell_at_pointer
 from saltus.explorer.figures.spectrum_view import SpectrumView
+from saltus.explorer.plane_view import PlaneView
 from saltus.explorer.solutions import path_of, readings_of, traits_of
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ class OrbitView:
         Called with an error's line; empty where there is none.
     readings : callable
         Returns what an instrument shows of an orbit, by name.
+    simulate : callable
+        Called with a start and how long the motion from it is to last, in periods or time.
     """
 
     def __init__(
@@ -43,6 +46,7 @@ class OrbitView:
         session: Session,
         tell: Callable[[str], None],
         readings: Callable[[Any], Mapping[str, Any]],
+        simulate: Callable[[tuple[float, ...], float], None],
     ) -> None:
         self._session, self._tell, self._instrument = session, tell, readings
         self._shown: Any = None
@@ -52,9 +56,9 @@ class OrbitView:
         self._near = widgets.html("nearby", _LINEARISED, (0, 8))
         self._sources = {name: _lines(made) for name, made in (("portrait", self._portrait), ("series", self._series))}
         self._axes = self._choosers()
-        one = widgets.column(
-            widgets.row(*self._axes), widgets.pane(self._portrait), widgets.pane(self._series), self._near
-        )
+        self.plane = PlaneView(session, self._portrait, self._series, simulate)
+        figures = widgets.pane(self._portrait), self.plane.panel, widgets.pane(self._series)
+        one = widgets.column(widgets.row(*self._axes), *figures, self._near)
         self.tabs = widgets.tabs(Orbit=one, Multipliers=self.spectrum.panel, Observables=self._readings)
         self.panel = widgets.column(self.title, self.tabs)
         self.show(None, "")
@@ -108,6 +112,7 @@ class OrbitView:
                 lines, dots = _NO_LINES, _NO_DOTS
             curves.data, events.data, vertices.data = lines, dots, _vertices(lines)
             look.fit(made, [*chain(*lines["xs"]), *dots["x"]], [*chain(*lines["ys"]), *dots["y"]])
+        self.plane.draw()
 
     def _lines(self, names: tuple[str, str]) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
         path = path_of(self._shown, names)

@@ -1,0 +1,135 @@
+"""The phase plane in a real browser: what moves with a slider, starts by a click, layers."""
+
+import pytest
+
+from screen import _PLACE, TOKEN, Screen, browser, served
+
+pytestmark = [
+    pytest.mark.campaign,
+    pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested"),
+]
+
+SYSTEM = """import saltus
+relay = saltus.HybridSystem(
+    ("x", "v"), {"a": 0.5, "c": 0.4},
+    {"plus": saltus.Mode({"x": "v", "v": "a - c*v - x"}), "minus": saltus.Mode({"x": "v", "v": "-a - c*v - x"})},
+    [saltus.Transition("plus", "minus", "x - 0.2*v", 1), saltus.Transition("minus", "plus", "x - 0.2*v", -1)],
+)
+"""
+
+# counts what the portrait draws while a slider moves, and the frames in the right order of values
+_COUNT = """() => {
+  window.drawn = []
+  const document = Bokeh.documents.find(d => d.get_model_by_name('portrait-figure') != null)
+  for (const part of ['live', 'carried']) {
+    const glyph = document.get_model_by_name('portrait-figure').renderers.find(r => r.name == part)
+    glyph.data_source.properties.data.change.connect(() => window.drawn.push(part))
+  }
+}"""
+
+
+@pytest.fixture(scope="module")
+def screen(tmp_path_factory):
+    from playwright.sync_api import sync_playwright
+
+    home = tmp_path_factory.mktemp("home")
+    (home / "relay.py").write_text(SYSTEM)
+    with served(home, f"{home}/relay.py:relay") as (address, _), sync_playwright() as play:
+        started = play.chromium.launch(executable_path=browser(), args=["--no-sandbox"])
+        shown = Screen(started.new_page(viewport={"width": 1500, "height": 900}), address)
+        shown.fill("start-x", "0.8")  # at 0 it would be on the surface
+        shown.page.click(".find-orbit")
+        shown.wait("orbit1")
+        yield shown
+        started.close()
+
+
+def test_motion_and_orbit_follow_a_slider(screen):
+    page = screen.page
+    screen.fill("start-x", "0.7")
+    screen.eventually(lambda: screen.column("portrait", "carried", "x"))  # the process that draws is ready
+    page.evaluate(_COUNT)
+    box = page.locator(".slider-a .noUi-handle").bounding_box()
+    x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for k in range(30):
+        page.mouse.move(x - 2.0 * k, y)
+        page.wait_for_timeout(30)
+    screen.eventually(lambda: len(page.evaluate("() => window.drawn")) >= 4)
+    assert page.input_value(".parameter-a input") == "0.5"  # nothing is taken before it is let go
+    page.mouse.up()
+    screen.eventually(lambda: float(page.input_value(".parameter-a input")) < 0.4)
+    screen.until("live-text", "the orbit is carried, stable")
+    size = float(page.input_value(".parameter-a input")) / 0.5  # the relay's orbits are those of a = 0.5, as large as a
+    screen.eventually(
+        lambda: (
+            max(screen.column("portrait", "carried", "x"), key=lambda v: v or 0.0)
+            == pytest.approx(size * max(map(max, screen.column("portrait", "curves", "xs"))), rel=1e-3)
+        )
+    )
+    drawn = page.evaluate("() => window.drawn")
+    assert {"live", "carried"} == {*drawn}
+    assert screen.errors == []
+
+
+def test_a_click_starts_a_motion_and_several_are_kept(screen):
+    for number, place in enumerate([(0.3, 0.1), (-0.2, -0.1)], 1):
+        screen.click_at("portrait", *place)
+        assert "Trajectory" in screen.wait(f"motion{number}")
+    screen.eventually(lambda: {*screen.column("portrait", "motions", "name")} == {"motion1"})
+    assert float(screen.page.input_value(".start-x input")) == pytest.approx(-0.2, abs=0.01)
+    screen.page.click(".simulate")
+    screen.wait("motion3")
+    screen.eventually(lambda: {*screen.column("portrait", "motions", "name")} == {"motion1", "motion2"})
+    screen.page.click(".show-motion1 input")
+    screen.eventually(lambda: {*screen.column("portrait", "motions", "name")} == {"motion2"})
+    assert screen.errors == []
+
+
+def test_layers_are_ticked(screen):
+    for name, least in (("field", 300), ("nullclines", 2), ("surfaces", 1)):
+        screen.page.click(f".tick-{name} input")
+        screen.eventually(lambda name=name, least=least: len(screen.column("portrait", name, "xs")) >= least)
+    screen.until("plane-text", "v′ = 0")
+    assert TOKEN not in screen.page.url
+    assert screen.errors == []
+
+
+def test_diagrams_stand_side_by_side_and_space_is_turned_by_a_drag(screen):
+    page = screen.page
+    page.click(".more-diagrams")
+    page.wait_for_selector(".fewer-diagrams", state="visible")
+    screen.eventually(lambda: screen.column("diagram2", "points", "x") == screen.column("diagram", "points", "x"))
+    page.click(".continue")
+    screen.wait("branch1")
+    page.click("text=3-D")
+    screen.eventually(lambda: screen.column("space", "curves", "u"))
+    before = screen.column("space", "curves", "u")[0][:3]
+    x, y = page.evaluate(_PLACE, ["space-figure", 0.0, 0.0])
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 60.0, y, steps=5)
+    page.mouse.up()
+    screen.eventually(lambda: screen.column("space", "curves", "u")[0][:3] != before)
+    page.locator(".side .whole-screen").click()
+    screen.eventually(lambda: page.evaluate("() => document.fullscreenElement?.className == 'side'"))
+    page.locator(".side .whole-screen").click()
+    assert screen.errors == []
+
+
+def test_equations_are_changed_and_open_a_session(screen):
+    page = screen.page
+    page.click("text=Equations")
+    field = page.locator(".equations textarea")
+    screen.eventually(lambda: "x - 0.2*v rises through 0" in field.input_value())
+    field.fill("parameters a = 0.5\nx' = v\nv' = -a*x - vv")
+    field.blur()
+    page.click(".use-equations")
+    screen.until("equations-told", "line 3, v'")
+    field.fill("parameters a = 0.5\nx' = v\nv' = -a*x - v")
+    field.blur()
+    page.click(".use-equations")
+    page.click(".equations-told a")
+    assert "Equilibrium" in screen.wait("equilibrium1")
+    assert screen.errors == []
