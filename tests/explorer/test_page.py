@@ -195,7 +195,7 @@ def test_work_is_stopped_and_at_a_second_click_ended(page):
 def test_a_page_that_comes_while_work_goes_on_shows_it(session, toys):
     desk = Paper(toys, session)
     desk.standing = Work("branch: saltus.continue_orbit(...)", Progress(7, None, 1.0))
-    page = Page(desk, None)
+    page = Page(desk, None, None)
     assert page._stop.visible
     assert (page._bar.value, page._work.object) == (-1, "branch 7")
     page.begin()
@@ -205,7 +205,7 @@ def test_a_page_that_comes_while_work_goes_on_shows_it(session, toys):
 @pytest.mark.campaign
 def test_two_pages_of_a_session_show_the_same(session, toys):
     desk = Paper(toys, session)
-    first, second = Page(desk, None), Page(desk, None)
+    first, second = Page(desk, None, None), Page(desk, None, None)
     first.diagram._axes[1].value = "max_z"
     assert second.diagram.axes == first.diagram.axes == ("g", "max_z")
     second.parameters._fields["a"]._number.value = 1.3

@@ -141,7 +141,7 @@ class PlaneView:
             told = "Field, nullclines and surfaces need two states as the portrait's axes."
         elif wanted and names is not None:
             window = self._window(names)
-            told = self._where(names)
+            found: list[Any] = []
             try:
                 if "field" in wanted:
                     field = self._field(window)
@@ -151,10 +151,11 @@ class PlaneView:
                         for number, curve in nullclines(self._session.system, window)
                     )
                 if "surfaces" in wanted:
-                    found = surfaces(self._session.system, window)
+                    found = [*surfaces(self._session.system, window)]
                     borders = _curves((curve, f"{name}: {event} = 0", _SURFACE) for name, event, curve in found)
+                told = self._where(names, [f"{name}: {event} = 0" for name, event, _ in found])
             except SaltusError as error:
-                told = str(error)
+                told, names = str(error), None
         for name, table in zip(LAYERS[:3], (field, nulls, borders), strict=True):
             if table["xs"] or self._sources[name].data["xs"]:
                 self._sources[name].data = table
@@ -172,7 +173,7 @@ class PlaneView:
         told = [self._session.system.mode_names[mode] for mode in modes]
         return {"xs": xs, "ys": ys, "name": told, "colour": [look.colour_of_mode(mode) for mode in modes]}
 
-    def _where(self, names: tuple[str, str]) -> str:
+    def _where(self, names: tuple[str, str], borders: list[str]) -> str:
         """Return HTML that says through which states the plane goes, and which curve is which."""
         start = full_start(self._session.system, self._session.settings.x0)
         fixed = ", ".join(
@@ -182,8 +183,7 @@ class PlaneView:
         if self._boxes["nullclines"].value:
             pairs = zip(names, _NULLCLINES, strict=True)
             keys += [(f"{look.bare_label(name)}′ = 0", colour) for name, colour in pairs]
-        if self._boxes["surfaces"].value:
-            keys += [("events", _SURFACE)]
+        keys += [(border, _SURFACE) for border in borders]
         told = " ".join(f'<span style="color:{colour}">— {escape(key)}</span>' for key, colour in keys)
         return f"{told} <span class='hint'>{escape(f'at {fixed}, ' if fixed else '')}at the values on the left</span>"
 
@@ -283,7 +283,7 @@ def _curves(rows: Any) -> dict[str, list[Any]]:
 
 def _glyphs(portrait: Any, series: Any) -> dict[str, Any]:
     """Add the glyphs of all layers to both figures; return their sources."""
-    from bokeh.models import ColumnDataSource, HoverTool
+    from bokeh.models import ColumnDataSource
 
     made: dict[str, Any] = {}
     forms = {
@@ -293,13 +293,9 @@ def _glyphs(portrait: Any, series: Any) -> dict[str, Any]:
         "motions": (portrait, {"line_width": 1.2, "line_alpha": 0.8, "level": "underlay"}),
         "motions_over_time": (series, {"line_width": 1.2, "line_alpha": 0.8, "level": "underlay"}),
     }
-    told = []
     for name, (figure, look_of) in forms.items():
         made[name] = ColumnDataSource(_no_rows(name))
-        lines = figure.multi_line("xs", "ys", source=made[name], line_color="colour", name=name, **look_of)
-        if name in ("nullclines", "surfaces", "motions"):
-            told.append(lines)
-    portrait.add_tools(HoverTool(renderers=told, tooltips=[("", "@name")]))
+        figure.multi_line("xs", "ys", source=made[name], line_color="colour", name=name, **look_of)
     for name, colour, width in (("live", _LIVE, 1.0), ("carried", _CARRIED, 2.2)):
         for suffix, figure in (("", portrait), ("_over_time", series)):
             made[name + suffix] = ColumnDataSource({"x": [], "y": []})

@@ -17,7 +17,7 @@ def test_a_figure_has_one_text_which_goes_with_the_data():
 
 
 def test_no_figure_of_a_solution_tells_twice(session, toys):
-    view = OrbitView(session, print, toys.readings)
+    view = OrbitView(session, print, toys.readings, lambda x0, span: None)
     for made in (view._portrait, view._series, view.spectrum.figure):
         assert [*made.select(HoverTool)] == []
         assert len([*made.select(Label)]) == 1

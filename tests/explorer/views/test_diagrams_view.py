@@ -17,9 +17,8 @@ def places() -> list:
 
 def viewed(session, places) -> DiagramsView:
     """Return the diagrams of a session."""
-    return DiagramsView(
-        session, DiagramView(session, places.append, lambda line: None), places.append, lambda line: None
-    )
+    first = DiagramView(session, places.append, lambda line: None)
+    return DiagramsView(session, first, places.append, lambda line: None, session.keep)
 
 
 def test_another_diagram_has_axes_of_its_own(session, places):
@@ -57,4 +56,10 @@ def test_diagrams_are_kept_and_closed(session, places):
     session.keep()
     again = Session.reopened(session.folder)
     assert again.settings.more_axes == session.settings.more_axes
-    assert len(viewed(again, places)._others) == 2
+    other = viewed(again, places)
+    assert len(other._others) == 2
+    again.settings.more_axes = [("a", "min_v")]  # as another page does
+    other.redraw()
+    assert [made.axes for made in other._others] == [("a", "min_v")]
+    other._others[0]._axes[1].value = "z"
+    assert "x" not in again.settings.fixed | session.settings.fixed
