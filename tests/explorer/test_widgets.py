@@ -70,3 +70,9 @@ def test_parts_of_a_page_take_the_room_that_there_is():
 def test_tabs_are_named():
     made = widgets.tabs(Orbit=widgets.html("one"), Film=widgets.film())
     assert made._names == ["Orbit", "Film"]
+
+
+def test_a_quantity_that_is_typed_whole_comes_before_those_that_have_it_in_them():
+    names = widgets.quantity("x", ["max_z", "z", "x*z", "z"], "z", 100).options
+    for typed in ("", *names):
+        assert next(name for name in names if typed in name) == typed

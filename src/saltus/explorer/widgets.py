@@ -23,6 +23,7 @@ __all__ = [
     "html",
     "lines",
     "number",
+    "offered",
     "on_change",
     "on_click",
     "pane",
@@ -136,7 +137,15 @@ def quantity(title: str, names: Sequence[str], value: str, width: int, name: str
     """Return a field for a quantity: one of the names, or a formula."""
     given = {"css_classes": [name] if name else [], "margin": _MARGIN, "stylesheets": _sheets()}
     search = {"restrict": False, "min_characters": 0, "case_sensitive": False, "search_strategy": "includes"}
-    return pn.widgets.AutocompleteInput(name=title, value=value, options=list(names), width=width, **given, **search)
+    return pn.widgets.AutocompleteInput(name=title, value=value, options=offered(names), width=width, **given, **search)
+
+
+def offered(names: Sequence[str]) -> list[str]:
+    """Return names as a field for a quantity offers them: what is typed whole comes first, an empty text too.
+
+    The field takes the first name that has what is typed in it, where there is one.
+    """
+    return ["", *sorted(dict.fromkeys(name for name in names if name), key=len)]
 
 
 def checkbox(value: bool, name: str) -> Any:

@@ -25,7 +25,8 @@ def test_a_line_tells_what_a_result_is_and_why_it_ended(session):
 
 def test_what_is_drawn_has_a_colour_round_where_it_is_dots(session):
     lines = {entry.name: line_of(entry, "#123456") for entry in session.entries}
-    assert [name for name, line in lines.items() if "swatch" in line] == ["orbit1", "branch1", "locus1", "sweep1", "motion1"]
+    coloured = [name for name, line in lines.items() if "swatch" in line]
+    assert coloured == ["orbit1", "branch1", "locus1", "sweep1", "motion1"]
     assert [name for name, line in lines.items() if "swatch round" in line] == ["orbit1", "sweep1"]
 
 

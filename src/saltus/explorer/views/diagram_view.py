@@ -148,7 +148,7 @@ class DiagramView:
         self._session.settings.axes = (x, y)
         for letter, widget, name in zip("xy", self._axes, (x, y), strict=True):
             if name not in widget.options:
-                widget.options = [*widget.options, name]
+                widget.options = widgets.offered([*widget.options, name])
             widget.value, widget.name = name, self._title(letter)
 
     def follow(self, result: Any) -> None:
