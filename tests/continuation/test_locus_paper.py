@@ -172,6 +172,7 @@ def found(plane, locus, kind):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "other"), [("R1", "SN"), ("R2", "PD")])
 def test_torus_loci_end_at_resonances_that_the_other_loci_have_too(plane, kind, other):
     ends, there = found(plane, "TR", kind), found(plane, other, kind)

@@ -81,6 +81,7 @@ def simulated(k, f, Q, A0, settle, turns):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_long_simulation_differs_by_less_as_the_quality_factors_rise():
     k, f, A0 = np.array([2.0, 80.0, 620.0]), np.array([0.07, 0.43917, 1.1937]), np.array([30.0, 0.6, 0.4])
     law, differences = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0), []

@@ -51,6 +51,7 @@ def test_values_are_unbiased_and_errors_are_those_of_the_scatter(averages):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_errors_cover_the_truth_in_two_of_three_spectra():
     table = np.abs(np.concatenate([deviations(range(100, 250), 1), deviations(range(250, 400), 20)]))
     share = (table < 1.0).mean(axis=0)
