@@ -182,6 +182,7 @@ def test_torus_loci_end_at_resonances_that_the_other_loci_have_too(plane, kind, 
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_fold_flips_are_found_on_both_loci(plane):
     folds, flips = found(plane, "SN", "FF"), found(plane, "PD", "FF")
     shared = [a for a in folds if min(np.abs(np.subtract(a, b)).max() for b in flips) < 1e-8]
@@ -189,6 +190,7 @@ def test_fold_flips_are_found_on_both_loci(plane):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_loci_end_at_grazing_loci_that_they_are_seen_from(plane):
     seen = sum(len(found(plane, "GR", kind)) for kind in ("SN", "PD"))
     shared = []
