@@ -105,6 +105,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         # no segment's mode has the state
         if found.lows[q] > found.highs[q]:
             found.lows[q] = found.highs[q] = 0.0
+    for q in range(n + view.outputs):
         # an output without a value on part of the orbit has no extremes
         if math.isnan(found.moments[3 * q]):
             found.lows[q] = found.highs[q] = np.nan
