@@ -101,6 +101,8 @@ def test_diagrams_stand_side_by_side_and_space_is_turned_by_a_drag(screen):
     page.click(".more-diagrams")
     page.wait_for_selector(".fewer-diagrams", state="visible")
     screen.eventually(lambda: screen.column("diagram2", "points", "x") == screen.column("diagram", "points", "x"))
+    page.click(".find-orbit")  # motions were shown before
+    screen.wait("orbit2")
     page.click(".continue")
     screen.wait("branch1")
     page.click("text=3-D")

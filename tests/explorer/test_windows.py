@@ -134,7 +134,7 @@ def test_a_chaotic_motion_is_shown_and_swept_on_a_section(window, address, home)
     screen.page.click(".sweep")
     assert "sweep1" in screen.wait("sweep1")
     screen.eventually(lambda: len(screen.column("diagram", "dots", "x")) > 100)
-    assert "saltus.Section('x*y-b*z', -1)" in screen.page.get_attribute(".result-sweep1 .result", "title")
+    assert "saltus.Section('x*y - b*z', -1)" in screen.page.get_attribute(".result-sweep1 .result", "title")
     assert screen.errors == []
 
 
