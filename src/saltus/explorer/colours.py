@@ -74,7 +74,7 @@ def readable(colour: str) -> str:
     Examples
     --------
     >>> readable("#b8101f"), readable("#35b755")
-    ('#b8101f', '#27873f')
+    ('#b8101f', '#27873e')
     """
     shares, percent = [int(colour[i : i + 2], 16) for i in (1, 3, 5)], 100
     while contrast(found := "#" + "".join(f"{share * percent // 100:02x}" for share in shares)) < LEAST:

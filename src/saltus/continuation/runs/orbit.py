@@ -65,7 +65,6 @@ class OrbitRun(OneParameterRun):
     """One call of `continue_branch` from a periodic orbit; see `OneParameterRun`."""
 
     odd = OrbitZeroProblem.odd
-
     types: ClassVar[tuple[str, ...]] = BIFURCATIONS
     solution: PeriodicOrbit
     fixed: Fixed | None = None
@@ -385,17 +384,15 @@ class OrbitRun(OneParameterRun):
             return False
         last = half.specials[-1]
         apart = abs(last.solution.parameters[self.name] - point.parameter * self.scale)
-        here = last.after >= len(half.points) - 2
-        return here and apart < _SHADOW * self._wide * self.scale
+        return last.after >= len(half.points) - 2 and apart < _SHADOW * self._wide * self.scale
 
     def _is_point(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> bool:
         """Return whether the autonomous cycle of a point is an equilibrium, by the sizes of the branch's cycles."""
         if branch.problem.system.phase is not None or not half.points:
             return False
         surveys = [item.examined.data.survey for _, item in half.points]
-        n = branch.problem.n
+        n, own = branch.problem.n, point.examined.data.survey
         largest = np.max([survey.highs[:n] - survey.lows[:n] for survey in surveys], axis=0)
-        own = point.examined.data.survey
         return bool(np.all(own.highs[:n] - own.lows[:n] <= _SHRUNK * largest))
 
     def found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
@@ -450,5 +447,4 @@ def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:
 
 def _amplitude(orbit: PeriodicOrbit) -> float:
     """Return half the range of the state that varies most."""
-    n = len(orbit.system.states)
-    return 0.5 * float(np.max(orbit.highs[:n] - orbit.lows[:n]))
+    return 0.5 * float(np.max((orbit.highs - orbit.lows)[: len(orbit.system.states)]))
