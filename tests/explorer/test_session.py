@@ -66,6 +66,18 @@ def test_undo_takes_back_the_last_step_and_what_pointed_to_it(session, tmp_path)
     assert copy.undo() is None
 
 
+def test_notes_never_name_a_result_that_is_not_written(session, tmp_path):
+    copy = Session.unpacked(session.packed(tmp_path / "session.nc"), new_folder(tmp_path))
+    last = copy.undo()
+    again = copy.add(last.step, last.result)
+    copy.keep()  # before the result of the same name is written
+    assert [entry.name for entry in Session.reopened(copy.folder).entries] == ["orbit1", "branch1"]
+    copy.write(again)
+    assert Session.reopened(copy.folder).entries[-1].name == "locus1"
+    copy.replace("locus1")
+    assert [entry.name for entry in Session.reopened(copy.folder).entries] == ["orbit1", "branch1"]
+
+
 @pytest.mark.campaign
 def test_the_script_of_a_session_makes_the_same_numbers(session, tmp_path):
     lines = [session.script(), 'for name in ("orbit1", "branch1", "locus1"):', '    globals()[name].save(name + ".nc")']

@@ -154,8 +154,7 @@ class Session:
         if self.settings.selected is not None and self.settings.selected.of == last.name:
             self.settings.selected = None
         self.settings.hidden.discard(last.name)
-        self.keep()
-        (self.folder / f"{last.name}.nc").unlink(missing_ok=True)
+        self._removed(last.name)
         return last
 
     def replace(self, name: str) -> None:
@@ -171,6 +170,12 @@ class Session:
         self.entries = [entry for entry in self.entries if entry.name != name]
         if self.settings.selected is not None and self.settings.selected.of == name:
             self.settings.selected = None
+        self._removed(name)
+
+    def _removed(self, name: str) -> None:
+        """Remove the file of a result that is no entry any more, after it has left the notes."""
+        self._written.discard(name)
+        self.keep()
         (self.folder / f"{name}.nc").unlink(missing_ok=True)
 
     def keep(self, *, closed: bool = False) -> None:
