@@ -20,7 +20,6 @@ def test_a_picture_is_a_png_or_an_svg_of_the_same_shape(session):
     assert wide / high == pytest.approx(7.0 / 4.5)
 
 
-@pytest.mark.campaign
 def test_what_is_hidden_is_not_drawn(session):
     session.settings.axes = ("a", "z")
     whole = picture_of(session, "png").getvalue()

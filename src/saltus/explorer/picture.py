@@ -85,7 +85,7 @@ def _draw(ax: Axes, found: Drawn, name: str, colour: str, named: _Named) -> None
             "markersize": 3.4,
             "markeredgewidth": 0.0,
         }
-        ax.plot(*found.dots.T, alpha=0.5, zorder=1, markeredgewidth=0.0, **dots)
+        ax.plot(*found.dots.T, alpha=0.5, zorder=1, **dots)
         named.results[name] = Line2D([], [], **dots)
     for strand in found.strands:
         sound = strand.kind not in style.FAULTY
