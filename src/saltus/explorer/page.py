@@ -186,14 +186,14 @@ class Page(Listener):
         """Return what keys, and buttons in tables and lists, ask for."""
         return {
             "take": lambda of, label: self._take(Place(of=of, label=label)),
-            "close": self.diagram.marks.close,
+            "close": self.diagrams.close_lists,
             "name": self.diagram.name_marks_anew,
             "sort": self.points.sort,
             "step": lambda count, special: self._step(int(count), special=bool(special)),
         }
 
     def _take(self, place: Place) -> None:
-        self.diagram.marks.close()
+        self.diagrams.close_lists()
         if place.of in self.session.results:
             self.select(place)
 

@@ -63,3 +63,12 @@ def test_diagrams_are_kept_and_closed(session, places):
     assert [made.axes for made in other._others] == [("a", "min_v")]
     other._others[0]._axes[1].value = "z"
     assert "x" not in again.settings.fixed | session.settings.fixed
+
+
+def test_lists_are_closed_in_each(session, places):
+    view = viewed(session, places)
+    view._more.clicks += 1
+    (other,) = view._others
+    other.marks.panel.visible = True
+    view.close_lists()
+    assert not other.marks.panel.visible

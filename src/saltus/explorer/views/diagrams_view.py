@@ -124,6 +124,11 @@ class DiagramsView:
         for view in (self._first, *self._others):
             view.redraw()
 
+    def close_lists(self) -> None:
+        """Close the lists of marks that coincide, in each diagram."""
+        for view in (self._first, *self._others):
+            view.marks.close()
+
     def mark_chosen(self) -> None:
         """Draw a ring about the selected solution, in each diagram."""
         for view in (self._first, *self._others):
