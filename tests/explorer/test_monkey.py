@@ -81,14 +81,23 @@ def resident(pid: int) -> float:
     return int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) / 1e3
 
 
-def idle(screen: Screen) -> list[str]:
-    """End all work, and return the names of the results that a window shows."""
+def idle(screen: Screen) -> None:
+    """End all work; a page that was just loaded may begin some after this."""
     stop = screen.page.locator(".stop button")
     if stop.count() and stop.is_visible():
         stop.click(force=True, no_wait_after=True)
     screen.page.wait_for_selector(".stop", state="hidden")
     screen.page.wait_for_timeout(500)
+
+
+def shown(screen: Screen) -> list[str]:
+    """Return the names of the results that a window shows."""
     return screen.page.locator(".result b").all_inner_texts()
+
+
+def kept(folder: Path) -> list[str]:
+    """Return the names of the results in a session's folder."""
+    return [entry.name for entry in Session.reopened(folder).entries]
 
 
 @pytest.mark.parametrize(("count", "name"), guarding([(n, name) for n in (12, 120) for name in SYSTEMS], campaign=0))
@@ -103,9 +112,9 @@ def test_random_actions_lose_nothing(window, server, home, name, count):
         monkey.act()
         if k == count // 2:
             halfway = resident(process.pid)
-    shown = [idle(screen) for screen in windows]
-    assert shown[0] == shown[1]
-    windows[0].eventually(lambda: shown[0] == [entry.name for entry in Session.reopened(folder).entries])
+    for screen in windows:
+        idle(screen)
+    windows[0].eventually(lambda: shown(windows[0]) == shown(windows[1]) == kept(folder))
     assert (home / "server.log").read_text()[said:] == ""
     assert [screen.errors for screen in windows] == [[], []]
     assert resident(process.pid) - halfway < GROWTH or count < 100
