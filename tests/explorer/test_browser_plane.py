@@ -29,19 +29,17 @@ _COUNT = """() => {
 
 
 @pytest.fixture(scope="module")
-def screen(tmp_path_factory):
-    from playwright.sync_api import sync_playwright
-
+def screen(tmp_path_factory, chromium):
     home = tmp_path_factory.mktemp("home")
     (home / "relay.py").write_text(SYSTEM)
-    with served(home, f"{home}/relay.py:relay") as (address, _), sync_playwright() as play:
-        started = play.chromium.launch(executable_path=browser(), args=["--no-sandbox"])
-        shown = Screen(started.new_page(viewport={"width": 1500, "height": 900}), address)
+    with served(home, f"{home}/relay.py:relay") as (address, _):
+        context = chromium.new_context(viewport={"width": 1500, "height": 900})
+        shown = Screen(context.new_page(), address)
         shown.fill("start-x", "0.8")  # at 0 it would be on the surface
         shown.page.click(".find-orbit")
         shown.wait("orbit1")
         yield shown
-        started.close()
+        context.close()
 
 
 def test_motion_and_orbit_follow_a_slider(screen):

@@ -63,16 +63,6 @@ def address(home):
         yield found
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        started = play.chromium.launch(executable_path=browser(), args=["--no-sandbox"])
-        yield started
-        started.close()
-
-
 def _kept(home: Path, steps, results, axes: tuple[str, str]) -> Path:
     """Return the folder of a session in which steps were taken."""
     session = Session(of_system(next(iter(results.values())).system), new_folder(home / "saltus" / "explorer"))
