@@ -19,12 +19,12 @@ test: lint ## all checks: those of lint, then the tests (PYTEST_ARGS="-n 0 -k fl
 
 campaign: ## tests that guard no single change; then points and words with three kernels of OpenBLAS
 	@tools/make_env.sh test
-	$(BIN)/python -m pytest -m "campaign and not thorough" $(PYTEST_ARGS)
+	$(BIN)/python tools/run_tests.py -m "campaign and not thorough" $(PYTEST_ARGS)
 	$(BIN)/python tests/campaign/rounding.py
 
 thorough: ## before a release: the many random systems of which the campaign runs some
 	@tools/make_env.sh test
-	$(BIN)/python -m pytest -m thorough $(PYTEST_ARGS)
+	$(BIN)/python tools/run_tests.py -m thorough $(PYTEST_ARGS)
 
 lint: ## style, types and the contract between the floors
 	@tools/make_env.sh test

@@ -139,6 +139,7 @@ def test_slips_are_told_in_a_line(call, words):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_map_of_64_times_64_pixels_comes_back():
     E, eta = np.linspace(0.5, 3.0, 64)[:, None], np.linspace(1.0, 30.0, 64)
     seen = afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_GPa": E, "eta_Pa_s": eta})

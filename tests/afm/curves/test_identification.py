@@ -302,6 +302,7 @@ def test_a_frequency_curve_has_no_origin_of_the_distance():
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_the_range_of_a_wide_tune_stays_above_0():
     """A margin of 2 % of 500 kHz would begin below 0."""
     data = {"f_kHz": [1.0, 150.0, 299.0, 500.0]}

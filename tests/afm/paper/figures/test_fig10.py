@@ -61,6 +61,7 @@ def found(tmp_path_factory):
     return runner("fig10")(tmp_path_factory.mktemp("fig10"), resolution=RESOLUTION)
 
 
+@pytest.mark.thorough
 class TestWhole:
     """The figure with few cells, some 10 s."""
 
@@ -84,7 +85,6 @@ class TestWhole:
         group = zarr.open_group(found["files"][1], mode="r")
         assert sorted(group.group_keys()) == sorted(f"q2={q2}" for q2 in fig10.SECTIONS)
 
-    @pytest.mark.thorough
     def test_an_interrupted_figure_keeps_its_sections_and_goes_on(self, found, tmp_path, monkeypatch):
         monkeypatch.setattr(saltus.basins.map.grid, "_LEAST", 30)
         monkeypatch.setattr(saltus.basins.map.grid, "_CHUNK", 15)

@@ -17,9 +17,9 @@ from saltus import afm
 from saltus.afm.paper.figures import fig5, runner
 from saltus.afm.paper.figures.files import read_results
 from saltus.plotting.space import stretches_of
-from selection import guarding
+from selection import THOROUGH, guarding
 
-pytestmark = pytest.mark.campaign  # the whole figure
+pytestmark = THOROUGH  # the whole figure
 
 LOCI = ["SN_1", "SN_2", "grazing", "SN_1_D_rep_0.1", "SN_1_D_rep_30", "SN_1_D_att_0.025", "SN_1_D_att_0.14"]
 A0 = 1.0 / 300.0

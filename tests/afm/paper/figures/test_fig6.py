@@ -18,8 +18,9 @@ import saltus
 from saltus import afm
 from saltus.afm.paper.figures import fig6, runner
 from saltus.afm.paper.figures.files import read_results
+from selection import THOROUGH
 
-pytestmark = pytest.mark.campaign  # the whole figure
+pytestmark = THOROUGH  # the whole figure
 
 A0 = 1.0 / 300.0
 KEYS = ["D_att_1", "D_rep_1", "omega", "min_z"]

@@ -18,6 +18,7 @@ from saltus import load
 from saltus.afm.paper.figures import fig8, runner
 from saltus.errors import SaltusError
 from saltus.plotting.volume import check_renderer
+from selection import THOROUGH
 
 
 def _can_render() -> bool:
@@ -29,7 +30,7 @@ def _can_render() -> bool:
 
 
 pytestmark = [
-    pytest.mark.campaign,
+    *THOROUGH,
     pytest.mark.skipif(not _can_render(), reason="no PyVista, or neither a display nor EGL"),
 ]
 

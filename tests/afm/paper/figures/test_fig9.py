@@ -85,6 +85,7 @@ def content(found):
     return json.loads((found["files"][0].parent / "fig9.json").read_text())
 
 
+@pytest.mark.thorough
 class TestWhole:
     """The figure with few cells, some 15 s."""
 
