@@ -22,6 +22,7 @@ _JUMP = 1e-3  # monitor function at a located zero, over its values at the step'
 _SETTLED = 1e-9  # largest relative Newton step of a located point
 _STALLED = 1e-7  # the same where rounding keeps Newton steps from shrinking further
 _ROOTED = 8  # places tried from which on the function is taken for a root of the distance from its zero
+_LONG = 6  # points corrected from which on the last two predict the next one, not the last alone
 _HALVED = 16  # the same, from which on the bracket is halved
 _ASIDE = 1e-6  # share of a step between two places, up to which they tell the same of the branch
 _EXACT = 1e-11  # monitor function, over its values at the step's ends, that counts as zero
@@ -116,7 +117,8 @@ def locate(
 
     Inverse interpolation along the step, within a bracket, gives the place at which the function would vanish. There
     one Newton step corrects the point in the plane normal to the branch. The corrections also measure how the branch
-    departs from the cubic through the step's ends: the last two predict it at the next place. At the zero of a `singular` monitor function two branches meet. Next
+    departs from the cubic through the step's ends. Where the search is long, the last two predict that at the next
+    place. At the zero of a `singular` monitor function two branches meet. Next
     to it Newton steps leave out the direction of the other branch. docs/theory/continuation.md, "Special points",
     describes the method.
     """
@@ -132,11 +134,11 @@ def locate(
     unit = unit or max(abs(fa), abs(fb))
     floor = problem.noise.get(name, _EXACT) * unit
     previous = math.inf
-    for _ in range(60):
+    for asked in range(60):
         base, tangent = hermite(a, b, length, s), _hermite_slope(a, b, length, s)
         tangent /= math.sqrt(float(a.weights @ tangent**2))
         shape = (s * (1.0 - s)) ** 2
-        bend = _bend_at(s, bends, a.u)
+        bend = _bend_at(s, bends if asked >= _LONG else bends[-1:], a.u)
         u = base + shape * bend
         row = a.weights * tangent
         F, J = problem.evaluate(u)

@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.algebraic.newton import ACCEPTED, CONTRACTS, ENDING, ENDLESS_FROM, REMESHED, UNSTABLE
 from saltus.orbits.kernels.equation import equations
-from saltus.orbits.kernels.mesh import AIM, FINEST
+from saltus.orbits.kernels.mesh import FINEST, inner_error
 from saltus.orbits.records import APART, CONVERGED, ENDLESS, LATE, MOVE, SINGULAR, Mesh, Orbit, Phase
 from saltus.system.numba_tools.linear import bordered
 from saltus.system.numba_tools.machine_code import njit
@@ -40,8 +40,6 @@ SIZE = 9
 RESIDUAL = 10
 WORST = 11
 NUMBERS = 12
-
-BESIDE = 2  # steps at an event whose errors tell nothing before it is met: the field may bend at its surface
 
 
 @njit(cache=True, error_model="numpy")
@@ -96,32 +94,12 @@ def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, step
         numbers[SIGN], numbers[LOG], numbers[SIZE], numbers[RESIDUAL] = sign, log, size, residual
         numbers[STAGE], numbers[FINE] = _STEPPED, 1.0
         if size >= ACCEPTED and numbers[WORST] > FINEST:
-            numbers[WORST] = _within(orbit.transitions, mesh.starts, numbers[WORST], errors)
+            numbers[WORST] = inner_error(orbit.transitions, mesh.starts, numbers[WORST], errors)
         if not numbers[WORST] <= FINEST:
             return MOVE
         told = _judged(numbers)
         if told != MOVE:
             return told
-
-
-@njit(**ARRAYS)
-def _within(transitions, starts, worst, errors):
-    """Return the largest error of a step but for those beside events, which are set to those of a new mesh.
-
-    Until the method has converged a segment starts and ends off the surface where its field may bend.
-    """
-    if not worst < np.inf:
-        return worst
-    segments, worst = transitions.size, 0.0
-    begins = transitions[segments - 1] >= 0
-    for i in range(segments):
-        first, last, ends = starts[i], starts[i + 1] - 2, transitions[i] >= 0
-        for j in range(first, last + 1):
-            if (begins and j - first < BESIDE) or (ends and last - j < BESIDE):
-                errors[j] = min(errors[j], AIM)
-            worst = max(worst, errors[j])
-        begins = ends
-    return worst
 
 
 @njit(**ARRAYS)
