@@ -191,9 +191,7 @@ def locate(
     return None
 
 
-def _bend_at(
-    s: float, bends: list[tuple[float, NDArray[np.float64]]], u: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _bend_at(s: float, bends: list[tuple[float, NDArray[np.float64]]], u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return how the branch departs from the cubic at a place, on the line through what is known at up to two."""
     if len(bends) < 2:
         return bends[0][1] if bends else np.zeros_like(u)
