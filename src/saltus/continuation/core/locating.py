@@ -118,9 +118,8 @@ def locate(
     Inverse interpolation along the step, within a bracket, gives the place at which the function would vanish. There
     one Newton step corrects the point in the plane normal to the branch. The corrections also measure how the branch
     departs from the cubic through the step's ends. Where the search is long, the last two predict that at the next
-    place. At the zero of a `singular` monitor function two branches meet. Next
-    to it Newton steps leave out the direction of the other branch. docs/theory/continuation.md, "Special points",
-    describes the method.
+    place. At the zero of a `singular` monitor function two branches meet. Next to it Newton steps leave out the
+    direction of the other branch. docs/theory/continuation.md, "Special points", describes the method.
     """
     from saltus.system.numba_tools.linear import bordered
 
