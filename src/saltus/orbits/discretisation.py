@@ -35,6 +35,7 @@ class Discretised(ABC):
     n: int  # components of the full state
     segments: int
     modes: NDArray[np.int64]  # shape (segments,)
+    transitions: NDArray[np.int64]  # shape (segments,): events at their ends, -1 for none
     extended: NDArray[np.float64]  # parameters with constants behind them
     begun: Survey
     mesh: tuple[NDArray[np.float64], NDArray[np.int64]]  # clustered times, and where each segment's begin
@@ -150,9 +151,12 @@ class Discretised(ABC):
         """Whether an orbit that slides takes so many steps that it comes too near to a two-fold."""
         return self._slides and self.steps > _MOST_SLIDING
 
-    def refine(self) -> bool:
-        """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
-        return self._worst <= self._meshes.FINEST or self._move(self._meshes.FINEST)
+    def refine(self, *, met: bool = True) -> bool:
+        """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not.
+
+        met: whether the segments ended at their events there, so that steps beside these count.
+        """
+        return self._worst <= self._meshes.FINEST or self._move(self._meshes.FINEST, met=met)
 
     def prepare(self, u: NDArray[np.float64]) -> None:
         """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be.
@@ -174,10 +178,11 @@ class Discretised(ABC):
         self._looked = self.steps
         return self.stiff
 
-    def _move(self, limit: float) -> bool:
+    def _move(self, limit: float, *, met: bool = True) -> bool:
         (places, starts), most = self.mesh, FEW * self.segments
         fresh, ends = np.empty(3 * places.size + 8 * self.segments), np.empty_like(starts)
-        fine, count = self._meshes.moved(places, starts, self._errors, limit, self._worst, most, fresh, ends)
+        given = places, starts, self.transitions, self._errors, limit, self._worst, met, most
+        fine, count = self._meshes.moved(*given, fresh, ends)
         if count > 0:
             self._use(fresh[:count].copy(), ends)
         return bool(fine)

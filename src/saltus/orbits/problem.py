@@ -81,6 +81,7 @@ class OrbitProblem(Discretised):
         self.modes = np.array(self.signature.modes, dtype=np.int64)
         compiled.check_powers(self.system, self.signature.modes)
         self.kinds = np.array(self.signature.kinds, dtype=np.int64)
+        self.transitions = np.array(self.signature.transitions, dtype=np.int64)
         self._active = np.array(self.active, dtype=np.int64)
         self.scales = np.array(self.scales, dtype=np.float64)
         self.extended = compiled.extended(self.p)
@@ -101,7 +102,7 @@ class OrbitProblem(Discretised):
                 n=self.n,
                 p=self.extended,
                 modes=self.modes,
-                transitions=np.array(self.signature.transitions, dtype=np.int64),
+                transitions=self.transitions,
                 kinds=self.kinds,
                 turns=self.signature.turns,
                 rooted=compiled.limits.astype(np.int64),

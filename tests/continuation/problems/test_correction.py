@@ -28,6 +28,16 @@ def impacting():
     return saltus.find_orbit(system, {}, [0.0, 0.0]), "A"
 
 
+def pressing():
+    """A tip on an elastic sample, whose force bends like the root of the depth."""
+    fields = ("free", "0"), ("pressed", "k*(x - d)**(3/2)")
+    modes = {name: Mode({"x": "v", "v": f"A*cos(s) - c*v - x - {force}"}) for name, force in fields}
+    ends = Transition("free", "pressed", "x - d", 1), Transition("pressed", "free", "x - d", -1)
+    parameters = {"c": 0.1, "d": 1.0, "k": 30.0, "w": 0.9, "A": 0.6}
+    system = HybridSystem(("x", "v"), parameters, modes, ends, phase=("s", "w"))
+    return saltus.find_orbit(system, {}, [0.0, 0.0]), "A"
+
+
 def relaxing():
     system = HybridSystem.smooth({"x": "y", "y": "mu*(1 - x**2)*y - x"}, {"mu": 2.0})
     return saltus.find_orbit(system, {}, [2.0, 0.0]), "mu"
@@ -49,7 +59,7 @@ def branch_of(kind, orbit, name):
     return kind(problem, u, Interest(-10.0, 10.0, 1.0))
 
 
-@pytest.fixture(scope="module", params=[impacting, relaxing, belt])
+@pytest.fixture(scope="module", params=[impacting, pressing, relaxing, belt])
 def started(request):
     return request.param()
 
@@ -78,3 +88,20 @@ def test_compiled_calls_tell_why_there_is_no_point_as_newton_s_method_does(start
     told = [found for _, found in points(started, step, iterations)]
     assert told[0] == told[1]
     assert iterations > 1 or told[0] == Unsolved.LATE
+
+
+@pytest.mark.parametrize("kind", [OrbitZeroProblem, Plain])
+def test_meshes_stay_where_only_the_guess_is_off_the_surface(kind):
+    """Beside its surface the field bends within the first step, whose error says nothing of the orbit that is found."""
+    orbit, name = pressing()
+    branch = branch_of(kind, orbit, name)
+    first = start_point(branch, np.append(orbit.unknowns, orbit.parameters[name]))
+    guess, (before, _) = first.u + 0.05 * first.tangent, branch.problem.mesh
+    branch.evaluate(guess)
+    assert branch.problem._worst > 1e3
+    found = correct(branch, guess, first.tangent, first.weights, 7)
+    assert branch.problem.mesh[0] is before
+    assert branch.problem._worst < 5.0
+    parameters = {**orbit.parameters, name: found.parameter}
+    known = saltus.find_orbit(orbit.system, parameters, orbit.x0)
+    np.testing.assert_allclose(found.u[:-1], known.unknowns, rtol=1e-10)

@@ -22,7 +22,9 @@ _JUMP = 1e-3  # monitor function at a located zero, over its values at the step'
 _SETTLED = 1e-9  # largest relative Newton step of a located point
 _STALLED = 1e-7  # the same where rounding keeps Newton steps from shrinking further
 _ROOTED = 8  # places tried from which on the function is taken for a root of the distance from its zero
+_LONG = 6  # points corrected from which on the last two predict the next one, not the last alone
 _HALVED = 16  # the same, from which on the bracket is halved
+_ASIDE = 1e-6  # share of a step between two places, up to which they tell the same of the branch
 _EXACT = 1e-11  # monitor function, over its values at the step's ends, that counts as zero
 
 
@@ -115,9 +117,9 @@ def locate(
 
     Inverse interpolation along the step, within a bracket, gives the place at which the function would vanish. There
     one Newton step corrects the point in the plane normal to the branch. The corrections also measure how the branch
-    departs from the cubic through the step's ends. At the zero of a `singular` monitor function two branches meet. Next
-    to it Newton steps leave out the direction of the other branch. docs/theory/continuation.md, "Special points",
-    describes the method.
+    departs from the cubic through the step's ends. Where the search is long, the last two predict that at the next
+    place. At the zero of a `singular` monitor function two branches meet. Next to it Newton steps leave out the
+    direction of the other branch. docs/theory/continuation.md, "Special points", describes the method.
     """
     from saltus.system.numba_tools.linear import bordered
 
@@ -125,15 +127,17 @@ def locate(
     known = [(0.0, fa), (1.0, fb)]
     low, high, f_low = 0.0, 1.0, fa
     s = fa / (fa - fb)
-    bend, near, tried = np.zeros_like(a.u), False, 0
+    bends: list[tuple[float, NDArray[np.float64]]] = []
+    near, tried = False, 0
     scale = problem.scale()
     unit = unit or max(abs(fa), abs(fb))
     floor = problem.noise.get(name, _EXACT) * unit
     previous = math.inf
-    for _ in range(60):
+    for asked in range(60):
         base, tangent = hermite(a, b, length, s), _hermite_slope(a, b, length, s)
         tangent /= math.sqrt(float(a.weights @ tangent**2))
         shape = (s * (1.0 - s)) ** 2
+        bend = _bend_at(s, bends if asked >= _LONG else bends[-1:], a.u)
         u = base + shape * bend
         row = a.weights * tangent
         F, J = problem.evaluate(u)
@@ -151,6 +155,7 @@ def locate(
         if sign == 0.0 or not size < 1e3:
             return None
         bend = bend + step / max(shape, 1e-2 if name in problem.singular else 1e-12)
+        bends = [*[other for other in bends if abs(other[0] - s) > _ASIDE][-1:], (s, bend)]
         if not problem.accurate():
             continue
         direction = steps[:, 1] / math.sqrt(float(a.weights @ steps[:, 1] ** 2))
@@ -183,6 +188,14 @@ def locate(
         shaped = known if tried <= _ROOTED else [(place, value * abs(value)) for place, value in known]
         s, previous = _zero(shaped, low, high) if tried <= _HALVED else 0.5 * (low + high), math.inf
     return None
+
+
+def _bend_at(s: float, bends: list[tuple[float, NDArray[np.float64]]], u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how the branch departs from the cubic at a place, on the line through what is known at up to two."""
+    if len(bends) < 2:
+        return bends[0][1] if bends else np.zeros_like(u)
+    (p, one), (q, other) = bends
+    return other + (s - q) / (q - p) * (other - one)
 
 
 def _without_kernel(

@@ -67,8 +67,11 @@ class ZeroProblem(Protocol):
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the residual, shape (m,), and the Jacobian, shape (m, m + 1)."""
 
-    def accurate(self) -> bool:
-        """Return whether the discretisation was fine enough at the last evaluation; refine it where it was not."""
+    def accurate(self, *, met: bool = True) -> bool:
+        """Return whether the discretisation was fine enough at the last evaluation; refine it where it was not.
+
+        met: whether the equations were met there but for little.
+        """
 
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return weights, shape (m + 1,): the squared arclength of du is sum weights du^2."""
@@ -176,12 +179,13 @@ def correct(
         if not size < ENDLESS_FROM:
             return Unsolved.ENDLESS
         u = u + steps[:, 0]
-        if problem.accurate() and size < ACCEPTED:
+        met = size < ACCEPTED
+        if problem.accurate(met=met) and met:
             direction = steps[:, 1] / math.sqrt(float(weights @ steps[:, 1] ** 2))
             return Point(u, J, direction, weights, sign, log, residual, iteration)
         if size > CONTRACTS * previous and size > ENDING:
             return Unsolved.APART
-        remeshed += size < ACCEPTED
+        remeshed += met
         if iteration - remeshed >= iterations:
             break
         previous = size

@@ -141,7 +141,7 @@ class AlgebraicZeroProblem:
         found: tuple[NDArray[np.float64], NDArray[np.float64]] = self.problem.evaluate(u)
         return found
 
-    def accurate(self) -> bool:
+    def accurate(self, *, met: bool = True) -> bool:
         """Return True: the equations are no discretisation."""
         return True
 

@@ -160,7 +160,7 @@ class AlgebraicLocusProblem:
         """Return units of the equations, shape (n,), from their derivatives at the start."""
         return np.ones(self.n)
 
-    def accurate(self) -> bool:
+    def accurate(self, *, met: bool = True) -> bool:
         """Return True: the equations are no discretisation."""
         return True
 

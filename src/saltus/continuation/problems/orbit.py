@@ -205,9 +205,9 @@ class OrbitZeroProblem:
         numbers = found.sign, found.log, found.residual, found.iterations
         return Point(found.u, found.J, direction, weights, *numbers)
 
-    def accurate(self) -> bool:
+    def accurate(self, *, met: bool = True) -> bool:
         """Return whether the meshes were fine enough at the last evaluation; refine them where they were not."""
-        return self.problem.refine()
+        return self.problem.refine(met=met)
 
     def scale(self) -> NDArray[np.float64]:
         """Return typical sizes of the unknowns."""

@@ -164,9 +164,9 @@ class LocusZeroProblem:
         matrix[size:, size : size + extra] = further
         return out, matrix
 
-    def accurate(self) -> bool:
+    def accurate(self, *, met: bool = True) -> bool:
         """Return whether the meshes were fine enough at the last evaluation; refine them where they were not."""
-        return self.problem.refine()
+        return self.problem.refine(met=met)
 
     def scale(self) -> NDArray[np.float64]:
         """Return typical sizes of the unknowns."""

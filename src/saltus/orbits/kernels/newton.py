@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.algebraic.newton import ACCEPTED, CONTRACTS, ENDING, ENDLESS_FROM, REMESHED, UNSTABLE
 from saltus.orbits.kernels.equation import equations
-from saltus.orbits.kernels.mesh import FINEST
+from saltus.orbits.kernels.mesh import FINEST, inner_error
 from saltus.orbits.records import APART, CONVERGED, ENDLESS, LATE, MOVE, SINGULAR, Mesh, Orbit, Phase
 from saltus.system.numba_tools.linear import bordered
 from saltus.system.numba_tools.machine_code import njit
@@ -93,6 +93,8 @@ def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, step
             u[j] += solutions[j, 0]
         numbers[SIGN], numbers[LOG], numbers[SIZE], numbers[RESIDUAL] = sign, log, size, residual
         numbers[STAGE], numbers[FINE] = _STEPPED, 1.0
+        if size >= ACCEPTED and numbers[WORST] > FINEST:
+            numbers[WORST] = inner_error(orbit.transitions, mesh.starts, numbers[WORST], errors)
         if not numbers[WORST] <= FINEST:
             return MOVE
         told = _judged(numbers)
