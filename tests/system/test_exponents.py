@@ -32,6 +32,16 @@ PULSES = {
     ),
     "tanh": ("1 + tanh({K}*(cos({u}) - 0.99))", lambda u, k: 1.0 + math.tanh(k * (math.cos(u) - 0.99)), (100.0, 900.0)),
     "cosh": ("1/cosh({K}*(1 - cos({u})))", lambda u, k: 1.0 / math.cosh(k * (1.0 - math.cos(u))), (60.0, 300.0)),
+    "switch": (
+        "1 + tanh({K}*(cos({u}) - 1) + 8)",
+        lambda u, k: 1.0 + math.tanh(k * (math.cos(u) - 1.0) + 8.0),
+        (1e4, 1e6),
+    ),
+    "resonance": (
+        "(1 + {K}*sin(({u})/2)**2)**-8",
+        lambda u, k: (1.0 + k * math.sin(u / 2.0) ** 2) ** -8.0,
+        (1e3, 1e5),
+    ),
     "base": ("2**({K}*(cos({u}) - 1))", lambda u, k: 2.0 ** (k * (math.cos(u) - 1.0)), (500.0,)),
 }
 
@@ -114,8 +124,11 @@ def test_what_has_an_exponent():
     assert exponent_of(sympy.tanh(x), {p}) == Exponent(x, rest=45.0)
     assert exponent_of(x**p, {p}) is None
     assert exponent_of(x**3, {p}) is None
-    assert exponent_of(x**80, {p}) == Exponent(80 * sympy.log(sympy.Abs(x)))
-    assert exponent_of(x**-80, {p}) is None
+    assert exponent_of(x**-2, {p}) is None
+    assert exponent_of(x**80, {p}) == Exponent(40 * sympy.log(x**2))
+    assert exponent_of(x**-3, {p}) == Exponent(-3 * sympy.log(x**2) / 2)
+    assert exponent_of(sympy.cos(x) ** p, {p}) is None
+    assert exponent_of(sympy.cos(x) ** p, {p}, x) == Exponent(p * sympy.log(sympy.cos(x) ** 2) / 2)
     assert exponents_in([sympy.exp(p), sympy.sin(x), x * sympy.exp(x), sympy.exp(x) + 1], {p}) == [Exponent(x)]
 
 

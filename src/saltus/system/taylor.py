@@ -228,8 +228,8 @@ class _Tape:
     def function(self, expression: sympy.Expr) -> str:
         if expression.is_Pow and not expression.exp.free_symbols <= self.parameters:
             expression = sympy.exp(expression.exp * sympy.log(expression.base), evaluate=False)
-        if (exponent := exponent_of(expression, self.parameters)) is not None:
-            if expression.is_Pow:
+        if (exponent := exponent_of(expression, self.parameters, self.theta)) is not None:
+            if expression.is_Pow and not expression.exp.is_negative:
                 raise NotAnalyticError(
                     f"where its base vanishes, the series of a power {expression.exp} begins too late"
                 )
