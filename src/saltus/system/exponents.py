@@ -24,7 +24,11 @@ _SHARE = 0.75  # of the way to where a function at rest wakes, that its exponent
 _ENDS = 800.0  # size of an exponent beyond which exp is nothing or infinite with any coefficient: 1e308 is e^709
 _AT_REST = 45.0  # size of an argument beyond which tanh rests: at 1 to within 1e-39
 _LEAST = -1e4  # exponents below are this, as that of 0 is
+UNSEEN = 4.0  # what counts as the way where something may go unseen: more than any step may go
 _NEAR = 0.2  # extreme of an argument, over its range in two parts of a step, below which it may reach beyond 0
+
+
+_WITH = (sympy.Function, sympy.Pow, sympy.Mul)  # what may have an exponent
 
 
 class Exponent(NamedTuple):
@@ -43,7 +47,7 @@ class Exponent(NamedTuple):
         return f"abs({other} - {one})*{self.weight(f'min(abs({one}), abs({other}))')}"
 
     def woken(self, *places: str) -> str:
-        """Text of whether a function at rest in three places, whose values are texts, may wake between them: 2, else 0."""
+        """Text of whether a function at rest in three places may wake between: `UNSEEN`, else 0; places: texts of values."""
         awake = [f"(abs({value}) - {self.rest!r})" for value in places]
         return f"({beyond(*awake)} if min({', '.join(awake)}) > 0.0 else 0.0)"
 
@@ -67,6 +71,8 @@ def exponent_of(
         else:
             high = not power.free_symbols <= parameters or base.free_symbols <= parameters | {phase}
         return Exponent(power / 2 * sympy.log(base**2)) if high else None
+    if function.is_Mul:
+        return _of_product(function, parameters)
     match function.func.__name__:
         case "exp" | "sinh" | "cosh":
             return Exponent(function.args[0])
@@ -75,6 +81,15 @@ def exponent_of(
         case "erf":
             return Exponent(-(function.args[0] ** 2))
     return None
+
+
+def _of_product(product: sympy.Expr, parameters: set[sympy.Expr]) -> Exponent | None:
+    """Return the exponent of a product's negative powers, none of which has one by itself."""
+    powers = [f.as_base_exp() for f in product.args if f.is_Pow and not f.free_symbols <= parameters]
+    low = [(base, power) for base, power in powers if power.is_number and _LOW < power < 0]
+    if sum(power for _, power in low) > _LOW:
+        return None
+    return Exponent(sympy.Add(*(power / 2 * sympy.log(base**2) for base, power in low)))
 
 
 def exponents_in(
@@ -88,7 +103,7 @@ def exponents_in(
     >>> [exponent.value for exponent in exponents_in([sympy.exp(x) + y, y + sympy.exp(x)], set())]
     [x]
     """
-    functions = {f for e in expressions for f in e.atoms(sympy.Function, sympy.Pow) if not f.free_symbols <= parameters}
+    functions = {f for e in expressions for f in e.atoms(*_WITH) if not f.free_symbols <= parameters}
     found = {exponent_of(function, parameters, phase) for function in functions}
     return sorted((e for e in found if e is not None), key=lambda e: (sympy.default_sort_key(e.value), e.rest))
 
@@ -107,7 +122,7 @@ def kinks_in(expressions: Iterable[sympy.Expr], parameters: set[sympy.Expr]) -> 
 
 
 def beyond(a: str, b: str, c: str) -> str:
-    """Text of whether what has a kink at 0 may reach beyond it unseen between three places: 2, else 0.
+    """Text of whether what has a kink at 0 may reach beyond it unseen between three places: `UNSEEN`, else 0.
 
     It does where the parabola through its values a, b, c turns next to 0, or where b alone lies beyond.
 
@@ -115,12 +130,12 @@ def beyond(a: str, b: str, c: str) -> str:
     --------
     >>> text = beyond("a", "b", "c")
     >>> eval(text, {"a": 1.0, "b": 1e-3, "c": 1.0}), eval(text, {"a": 1.0, "b": 0.5, "c": 1e-3})
-    (2.0, 0.0)
+    (4.0, 0.0)
     """
     bend, slope = f"(0.5*({a} + {c}) - {b})", f"(0.5*({c} - {a}))"
     extreme = f"({b} - {slope}*{slope}/(4.0*{bend}))"
     near = f"{extreme}*{b} < {_NEAR!r}*abs({b})*(max({a}, {b}, {c}) - min({a}, {b}, {c}))"
     turning = f"abs({slope}) <= 2.0*abs({bend})"
-    inside = f"(2.0 if {near} else 0.0) if {turning} else 0.0"
-    outside = f"2.0 if max({a}*{b}, {b}*{c}) < 0.0 else 0.0"
+    inside = f"({UNSEEN!r} if {near} else 0.0) if {turning} else 0.0"
+    outside = f"{UNSEEN!r} if max({a}*{b}, {b}*{c}) < 0.0 else 0.0"
     return f"(({inside}) if min({a}*{b}, {b}*{c}, {b}*{bend}) > 0.0 else ({outside}))"

@@ -69,7 +69,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
             h *= max(0.2, 0.9 * error**-0.125) if error < 1e300 else 0.2
             continue
         dense_increments(n, stages.increments, curve)
-        if leaps(segment, h, curve, x):
+        if leaps(segment, h, 1.0, curve, x):
             h *= 0.5
             continue
         count += 1

@@ -33,6 +33,7 @@ from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
 PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss the true one
+MOVED = 3.0  # ways that exponents may go in a step of a mesh that was moved since it was made with 1
 
 
 @njit(cache=True, error_model="numpy")
@@ -224,9 +225,10 @@ def _followed(view, piece, curve, u, tolerances, room):
                 tolerances[0],
                 tolerances[1],
             )
-            coarse = leaps(segment, h, bend, node) or not invoke(view.check, given) <= 1.0
+            coarse = leaps(segment, h, MOVED, bend, node) or not invoke(view.check, given) <= 1.0
         else:
-            coarse = missed(segment, a, h, bend, node, room.x, room.probe, room.field, tolerances[0], tolerances[1])
+            rtol, atol = tolerances
+            coarse = missed(segment, a, h, MOVED, bend, node, room.x, room.probe, room.field, rtol, atol)
         if coarse:
             return bad | COARSE
     return bad
