@@ -27,7 +27,7 @@ def may_be_implicit(compiled: Compiled, mode: int, x: NDArray[np.float64], p: ND
     """Return whether implicit steps may follow a mode's flow near a state.
 
     They damp a state that decays to nothing by too little, and it may grow again from what is left: no state may be one
-    whose zeros are an invariant plane, as of a population.
+    whose zeros are an invariant plane, as of a population. Nor may the field have roots that vanish on a surface.
 
     Parameters
     ----------
@@ -42,6 +42,8 @@ def may_be_implicit(compiled: Compiled, mode: int, x: NDArray[np.float64], p: ND
     states : int
         Components without the phase.
     """
+    if compiled.rooted[mode]:
+        return False
     own, each = np.diag(compiled.linearised(mode, x, p)[1]), np.eye(x.size, dtype=np.bool_)
     return not any(staying(compiled, mode, x, p, each[i], states).any() for i in np.flatnonzero(own[:states]))
 
@@ -58,5 +60,5 @@ def fastest_in_words(compiled: Compiled, mode: int, x: NDArray[np.float64], p: N
     fastest = values[np.argmax(np.abs(values))]
     told = f"the fastest rate there is {abs(fastest):.3g}"
     if fastest.real < -abs(fastest.imag) and not may_be_implicit(compiled, mode, x, p, states):
-        told += ", a decay that implicit steps may not follow: a state stays at 0"
+        told += ", a decay that implicit steps may not follow: a root vanishes on a surface, or a state stays at 0"
     return told

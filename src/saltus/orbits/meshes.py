@@ -75,8 +75,6 @@ def adapted(
         return meshes
 
     def may() -> bool:
-        if compiled.limits[modes].any():  # sensitivities have a limit at the surface, which implicit steps do not see
-            return False
         starts = [np.ascontiguousarray(block[:-1]) for block in blocks]
         return all(may_be_implicit(compiled, int(mode), x, p, states) for mode, x in zip(modes, starts, strict=True))
 

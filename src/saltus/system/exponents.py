@@ -47,7 +47,7 @@ class Exponent(NamedTuple):
         return f"abs({other} - {one})*{self.weight(f'min(abs({one}), abs({other}))')}"
 
     def woken(self, *places: str) -> str:
-        """Text of whether a function at rest in three places may wake between: `UNSEEN`, else 0; places: texts of values."""
+        """Text of whether a function at rest in three places, texts of its value, may wake between: `UNSEEN` or 0."""
         awake = [f"(abs({value}) - {self.rest!r})" for value in places]
         return f"({beyond(*awake)} if min({', '.join(awake)}) > 0.0 else 0.0)"
 
