@@ -42,15 +42,14 @@ PULSES = {
         lambda u, k: (1.0 + k * math.sin(u / 2.0) ** 2) ** -8.0,
         (1e3, 1e5),
     ),
-    "product": (
-        "1/(1 + {K}*sin(({u})/2)**2)/(1 + 2*{K}*sin(({u})/2)**2)**2/(1 + 3*{K}*sin(({u})/2)**2)**2",
-        lambda u, k: 1.0 / math.prod((1.0 + n * k * math.sin(u / 2.0) ** 2) ** min(n, 2) for n in (1, 2, 3)),
-        (1e5,),
-    ),
     "base": ("2**({K}*(cos({u}) - 1))", lambda u, k: 2.0 ** (k * (math.cos(u) - 1.0)), (500.0,)),
 }
 
 HIGH = {
+    "product": (
+        "1/(1 + 1e5*sin(({u})/2)**2)/(1 + 2e5*sin(({u})/2)**2)**2/(1 + 3e5*sin(({u})/2)**2)**2",
+        lambda u, _: 1.0 / math.prod((1.0 + n * 1e5 * math.sin(u / 2.0) ** 2) ** min(n, 2) for n in (1, 2, 3)),
+    ),
     "power of a parameter": ("((1 + cos({u}))/2)**(100*{K})", lambda u, _: ((1.0 + math.cos(u)) / 2.0) ** 6000),
     "even power": ("cos({u})**80", lambda u, _: math.cos(u) ** 80),
     "broken power": ("((1 + cos({u}))/2 + 1e-9)**400.5", lambda u, _: ((1.0 + math.cos(u)) / 2.0 + 1e-9) ** 400.5),

@@ -25,6 +25,9 @@ _ENDS = 800.0  # size of an exponent beyond which exp is nothing or infinite wit
 _AT_REST = 45.0  # size of an argument beyond which tanh rests: at 1 to within 1e-39
 _LEAST = -1e4  # exponents below are this, as that of 0 is
 UNSEEN = 4.0  # what counts as the way where something may go unseen: more than any step may go
+_TURNING = (
+    6.0  # slope over bend of a parabola up to which it turns nearby: places are not equal, what varies is no parabola
+)
 _NEAR = 0.2  # extreme of an argument, over its range in two parts of a step, below which it may reach beyond 0
 
 
@@ -135,7 +138,7 @@ def beyond(a: str, b: str, c: str) -> str:
     bend, slope = f"(0.5*({a} + {c}) - {b})", f"(0.5*({c} - {a}))"
     extreme = f"({b} - {slope}*{slope}/(4.0*{bend}))"
     near = f"{extreme}*{b} < {_NEAR!r}*abs({b})*(max({a}, {b}, {c}) - min({a}, {b}, {c}))"
-    turning = f"abs({slope}) <= 2.0*abs({bend})"
+    turning = f"abs({slope}) <= {_TURNING!r}*abs({bend})"
     inside = f"({UNSEEN!r} if {near} else 0.0) if {turning} else 0.0"
     outside = f"{UNSEEN!r} if max({a}*{b}, {b}*{c}) < 0.0 else 0.0"
     return f"(({inside}) if min({a}*{b}, {b}*{c}, {b}*{bend}) > 0.0 else ({outside}))"
