@@ -1,5 +1,7 @@
 """Motions that are stiff: against closed forms, from either kind of steps."""
 
+import ctypes
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -36,6 +38,30 @@ def test_the_dense_output_is_the_polynomial_through_the_stages():
     assert value == pytest.approx(0.3 - 2.0 * 0.3**3 + 0.5 * 0.3**7, abs=1e-14)
     # the shifted Legendre polynomial of degree 7 has the leading coefficient 3432
     assert radau.LAST @ increments == pytest.approx(0.5 / 3432.0, rel=1e-10)
+
+
+@pytest.mark.parametrize("place", [0.24, 0.45, 0.66, 0.85])
+def test_what_a_step_passes_over_between_its_stages_is_told(place):
+    """A state held at a pulse that no stage sees is off by its height, 1: d = h R counts as 5, (1 + h R / 5)^-1 d."""
+    from saltus.flow.kernels.implicit_segment import check
+
+    system = HybridSystem.smooth(
+        {"x": "-R*(x - A*exp(K*(cos(s - C) - 1)))"}, {"R": 1e6, "A": 1.0, "C": place, "K": 1e4}, phase=("s", "1")
+    )
+    increments = np.column_stack([np.zeros(7), radau.NODES])  # at rest, while the phase goes on by 1
+    curve, x = np.ascontiguousarray(radau.DENSE @ increments).ravel(), np.zeros(2)
+    doubles, integers = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
+    kinds = [integers, ctypes.c_int64, ctypes.c_int64, doubles, *[ctypes.c_double] * 3, doubles, doubles]
+    called = ctypes.CFUNCTYPE(ctypes.c_double, *kinds, ctypes.c_double, ctypes.c_double)(check.address)
+    functions = system.compiled.addresses
+
+    def told(height):
+        p = system.compiled.extended(system.parameter_vector({"A": height}))
+        given = p.ctypes.data_as(doubles), 1.0, -1.0, 1.0, x.ctypes.data_as(doubles), curve.ctypes.data_as(doubles)
+        return called(functions.ctypes.data_as(integers), 0, 2, *given, 1e-9, 1e-9)
+
+    assert told(0.0) < 1e-9
+    assert told(1.0) == pytest.approx(5.0 / 1e4 / 1e-9, rel=1e-4)
 
 
 @pytest.mark.parametrize("k", [1e3, 1e6, 1e10])

@@ -70,10 +70,10 @@ def linear_frames(
 
 
 def lawson_steps() -> NDArray[np.int64]:
-    """Return addresses of the flow in frames, its dense output, and none of its variations, shape (3,)."""
+    """Return addresses of the flow in frames, its dense output, and neither its variations nor a check, shape (4,)."""
     from saltus.flow.kernels import lawson_segment as kernels
 
-    return np.array([kernels.flow.address, kernels.dense.address, 0])
+    return np.array([kernels.flow.address, kernels.dense.address, 0, 0])
 
 
 def split(

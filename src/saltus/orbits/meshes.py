@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from saltus.system.compiled import Compiled
 
-__all__ = ["FEW", "adapted", "decays", "implicit_steps", "joined", "stabilised", "steady"]
+__all__ = ["FEW", "adapted", "decays", "implicit_second", "implicit_steps", "joined", "stabilised", "steady"]
 
 FEW = 500  # explicit steps of a segment up to which implicit ones are not tried
 _FEW_STEPS = 1 << 12  # of a mesh that is tried before there is room for more
@@ -109,10 +109,17 @@ def adapted(
 
 
 def implicit_steps() -> NDArray[np.int64]:
-    """Return addresses of the flow by implicit steps, its dense output and its variations, shape (3,)."""
+    """Return addresses of the flow by implicit steps, its dense output, its variations and its check, shape (4,)."""
     from saltus.flow.kernels import implicit_segment as kernels
 
-    return np.array([way.address for way in (kernels.flow, kernels.dense, kernels.vary)])
+    return np.array([way.address for way in (kernels.flow, kernels.dense, kernels.vary, kernels.check)])
+
+
+def implicit_second() -> int:
+    """Return the address of the flow by implicit steps with second derivatives."""
+    from saltus.flow.kernels.implicit_second import flow_second
+
+    return int(flow_second.address)
 
 
 def decays(

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["ROUGH", "MultiplierSlopes", "multipliers_by_parameters"]
 
 ROUGH = "a root vanishes on a surface, so that second derivatives are differences: three digits or more"
-_STIFF = "the flow takes implicit steps, so that second derivatives are differences: about eight digits"
 _LOST = "a multiplier is a double one, infinite or lost in rounding"
 _PARTED = 1e-6  # share of the null vectors in each other by B below which a multiplier is a double one
 _NULL = 1e-7  # least singular value, over the largest, up to which a multiplier's matrix is singular
@@ -71,6 +70,5 @@ def multipliers_by_parameters(
         if mu.imag != 0.0:
             bend = bend + 1j * problem.second(u, np.append(v.imag, still))
         slopes[i] = (w @ bend @ moved) / twist
-    note = _STIFF if problem.stiff else ""
-    note = ROUGH if problem.system.compiled.rooted[problem.modes].any() else note
+    note = ROUGH if problem.system.compiled.rooted[problem.modes].any() else ""
     return MultiplierSlopes(values, slopes, _LOST if np.isnan(slopes).any() else note)

@@ -12,7 +12,7 @@ from saltus.errors import ConvergenceError
 from saltus.orbits.common_sizes import common_sizes, surface_rows
 from saltus.orbits.discretisation import Discretised
 from saltus.orbits.frames import lawson_steps
-from saltus.orbits.meshes import adapted, decays, implicit_steps, joined
+from saltus.orbits.meshes import adapted, decays, implicit_second, implicit_steps, joined
 from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, sizes_nearby
@@ -109,7 +109,7 @@ class OrbitProblem(Discretised):
                 active=self._active,
                 scales=self.scales,
                 angles=self.system.angle_places,
-                implicit=np.zeros(3, dtype=np.int64),
+                implicit=np.zeros(4, dtype=np.int64),
             )
         )
         events = events_of(self.system)
@@ -312,18 +312,19 @@ class OrbitProblem(Discretised):
         """Return the derivative of the Jacobian at the orbit `u` times a direction `v`, shape (size, size + active)."""
         from saltus.orbits.kernels import second as second_kernels
 
-        if self.stiff or self.system.compiled.rooted[self.modes].any():
+        if self.system.compiled.rooted[self.modes].any():
             return self._differences(u, v)
         self.set_parameters(u)
         compiled = self.system.second(tuple(self._active.tolist()))
         S = np.empty((self.size, self.size + self._active.size))
         p = np.empty(compiled.extended)
+        steps = implicit_second() if self.stiff else 0
         with self.explicit_steps(u):
-            second_kernels.second(self.record, self.mesh, compiled.addresses, self.p.size, p, u, v, S)
+            second_kernels.second(self.record, self.mesh, compiled.addresses, steps, self.p.size, p, u, v, S)
         return S
 
     def _differences(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivative of the Jacobian times `v` by differences: with roots, and by implicit steps."""
+        """Return the derivative of the Jacobian times `v` by differences, where the field has roots."""
         sizes = np.append(np.tile(np.append(self.state_scale, np.inf), self.segments), np.ones(len(self.active)))
         step = _STEP / max(float(np.max(np.abs(v) / sizes)), 1e-300)
         near, far = (self.evaluate(u + k * step * v)[1] - self.evaluate(u - k * step * v)[1] for k in (1.0, 2.0))

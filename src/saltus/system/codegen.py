@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import sympy
 
-from saltus.system.exponents import exponents_in
+from saltus.system.exponents import beyond, exponents_in, kinks_in
 from saltus.system.printer import is_broken, without_poles
 from saltus.system.regularise import multiple_of
 from saltus.system.writer import Writer, zeros
@@ -53,25 +53,30 @@ class FlowWriter(Writer):
         yield self._function("outputs", {k: self._assign(s.outputs[k]) for k in modes})
         guards = [*s.domain, *s.when, *(condition for part in s.conditions for condition in part)]
         yield self._function("guard", {k: self._assign([guard]) for k, guard in enumerate(guards)})
-        exponents = {k: self._exponents(k) for k in modes}
-        self.numbers["EXPONENTS"] = any(exponents.values())
-        yield self._function("ways", {k: self._ways(found) for k, found in exponents.items()})
+        felt = {k: self._felt(k) for k in modes}
+        phase = s.x[-1] if s.system.phase is not None else None
+        exponents = {k: exponents_in(found, self._parameters, phase) for k, found in felt.items()}
+        kinks = {k: kinks_in(found, self._parameters) for k, found in felt.items()}
+        self.numbers["EXPONENTS"] = any(exponents.values()) or any(kinks.values())
+        yield self._function("ways", {k: self._ways(exponents[k], kinks[k]) for k in modes})
 
-    def _exponents(self, mode: int) -> list[Exponent]:
-        """Exponents of what a mode's motion feels: its field and event functions."""
+    def _felt(self, mode: int) -> list[sympy.Expr]:
+        """What a mode's motion feels: its field and event functions."""
         s = self.system
-        events = [s.event[k] for k, source in enumerate(s.source) if source == mode]
-        return exponents_in([*s.field[mode], *events], self._parameters)
+        return [*s.field[mode], *(s.event[k] for k, source in enumerate(s.source) if source == mode)]
 
-    def _ways(self, exponents: list[Exponent]) -> list[str]:
-        """Text of the longest way of an exponent between two states, one behind the other in x."""
+    def _ways(self, exponents: list[Exponent], kinks: list[sympy.Expr]) -> list[str]:
+        """Text of how far exponents go between three states, one behind the other in x, and kinks go unseen."""
         names, lines = self._names, ["out[0] = 0.0"]
-        values = [self._hoist(exponent.value) for exponent in exponents]
-        for place, at in enumerate("ab"):
+        values = [self._hoist(value) for value in (*(exponent.value for exponent in exponents), *kinks)]
+        for place, at in enumerate("abc"):
             self._names = names | {symbol: f"x[{place * self.n + i}]" for i, symbol in enumerate(self.system.x)}
             lines += [f"{at}{i} = {self._text(value)}" for i, value in enumerate(values)]
         self._names = names
-        return lines + [f"out[0] = max(out[0], {e.way(f'a{i}', f'b{i}')})" for i, e in enumerate(exponents)]
+        found = [e.way(*pair) for i, e in enumerate(exponents) for pair in ((f"a{i}", f"b{i}"), (f"b{i}", f"c{i}"))]
+        found += [exponent.woken(f"a{i}", f"b{i}", f"c{i}") for i, exponent in enumerate(exponents)]
+        found += [beyond(f"a{i}", f"b{i}", f"c{i}") for i in range(len(exponents), len(values))]
+        return lines + [f"out[0] = max(out[0], {text})" for text in found]
 
     def _by_parameter(self, name: str, expressions: dict[int, list[sympy.Expr]]) -> str:
         branches = {}

@@ -183,6 +183,7 @@ class _Tape:
             if len(varying) == 1:
                 part = self.linear(varying[0])
                 return _Linear({n: factor * c for n, c in part.terms.items()}, factor * part.constant)
+            self.watch(sympy.Mul(*varying))
             return _Linear({self.product(varying): factor}, sympy.Integer(0))
         return _Linear({self.function(expression): sympy.Integer(1)}, sympy.Integer(0))
 
@@ -228,13 +229,8 @@ class _Tape:
     def function(self, expression: sympy.Expr) -> str:
         if expression.is_Pow and not expression.exp.free_symbols <= self.parameters:
             expression = sympy.exp(expression.exp * sympy.log(expression.base), evaluate=False)
-        if (exponent := exponent_of(expression, self.parameters)) is not None:
-            if expression.is_Pow:
-                raise NotAnalyticError(
-                    f"where its base vanishes, the series of a power {expression.exp} begins too late"
-                )
-            name = self.single(exponent.value)
-            self.watched[name, exponent.weight(f"{name}_0")] = None
+        if self.watch(expression) and expression.is_Pow and not expression.exp.is_negative:
+            raise NotAnalyticError(f"where its base vanishes, the series of a power {expression.exp} begins too late")
         if expression.is_Pow:
             return self.power(*expression.as_base_exp())
         argument = expression.args[0]
@@ -278,6 +274,14 @@ class _Tape:
                 return self.operation("atan2", self.single(y), self.single(x), self.single(x**2 + y**2))
             case name:
                 raise NotAnalyticError(f"{name} has no Taylor series where its argument changes sign")
+
+    def watch(self, expression: sympy.Expr) -> bool:
+        """Watch the exponent of a function or a product; return whether it has one."""
+        exponent = exponent_of(expression, self.parameters, self.theta)
+        if exponent is not None:
+            name = self.single(exponent.value)
+            self.watched[name, exponent.weight(f"{name}_0")] = None
+        return exponent is not None
 
     def slope_of(self, name: str, factor: str) -> None:
         """Note that a function's derivative is `factor` times its argument's."""

@@ -49,7 +49,7 @@ def attempt(functions, mode, n, p, n_states, h, before, x, rtol, atol, x_end, gu
     for e in range(STAGES * n):
         stages.guess[e] = guess[e]
     if taken(segment, h, before, x, stages):
-        error = error_of(segment, h, n_states, x, stages, rtol, atol)
+        error = error_of(segment, -1.0, h, n_states, x, stages, rtol, atol)
         dense_increments(n, stages.increments, guess)
         for e in range(n):
             x_end[e] = x[e] + stages.increments[(STAGES - 1) * n + e]

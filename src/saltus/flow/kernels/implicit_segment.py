@@ -19,6 +19,7 @@ from saltus.flow.kernels.implicit_step import (
     D,
     Forced,
     dense_increments,
+    error_between,
     error_of,
     laid_out,
     linearised,
@@ -35,7 +36,7 @@ LONGEST = 1.0 / 24  # longest step: sensitivities vary where the state rests
 
 
 @njit(**INNER)
-def _set_rates(segment, s, h, stages):
+def set_rates(segment, s, h, stages):
     """Write what time does in the stages of a step in clustered time, over what that does."""
     for i in range(STAGES):
         time = s + C[i] * h
@@ -59,16 +60,16 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
         h = min(h, 1.0 - s)
         if 1.0 - s - h < 0.1 * h:
             h = 1.0 - s
-        _set_rates(segment, s, h, stages)
+        set_rates(segment, s, h, stages)
         if not taken(segment, h, before, x, stages):
             h *= 0.4
             continue
-        error = error_of(segment, h, n, x, stages, rtol, atol)
+        error = error_of(segment, s, h, n, x, stages, rtol, atol)
         if not error <= 1.0:
             h *= max(0.2, 0.9 * error**-0.125) if error < 1e300 else 0.2
             continue
         dense_increments(n, stages.increments, curve)
-        if leaps(segment, h, curve, x):
+        if leaps(segment, h, 1.0, curve, x):
             h *= 0.5
             continue
         count += 1
@@ -95,7 +96,7 @@ def dense(functions, mode, n, p, duration, x0, mesh, count, nodes, coefficients)
         nodes[e] = x0[e]
     for step in range(count):
         h, x = mesh[step + 1] - mesh[step], pointer(nodes, step * n)
-        _set_rates(segment, mesh[step], h, stages)
+        set_rates(segment, mesh[step], h, stages)
         if not taken(segment, h, before, x, stages):
             for e in range((count - step) * n):
                 nodes[(step + 1) * n + e] = np.nan
@@ -111,6 +112,18 @@ def dense(functions, mode, n, p, duration, x0, mesh, count, nodes, coefficients)
     keep(block)
     keep(pivots)
     return 0.0
+
+
+@cfunc(float64(*SYSTEM, float64, float64, float64, NUMBERS, NUMBERS, float64, float64), error_model="numpy")
+def check(functions, mode, n, p, duration, begin, h, x, curve, rtol, atol):
+    """Return the error of a step's dense output between its stages, over what is allowed; curve: (7 n,)."""
+    segment = Segment(functions, mode, duration, p, n)
+    block, pivots = np.empty(room_for(n)), np.empty(STAGES * n, np.int64)
+    stages = laid_out(pointer(block, 0), pointer(pivots, 0), n)
+    error = error_between(segment, begin, h, n, x, curve, stages, rtol, atol)
+    keep(block)
+    keep(pivots)
+    return error
 
 
 @cfunc(
@@ -142,7 +155,7 @@ def flow(functions, p, sizes, active, x0, duration, mesh, rtol, atol, y, errors)
     for step in range(count):
         s = mesh[step]
         h = mesh[step + 1] - s
-        _set_rates(segment, s, h, stages)
+        set_rates(segment, s, h, stages)
         if not (taken(segment, h, before, y, stages) and linearised(segment, h, y, stages)):
             for e in range(size):
                 y[e] = np.nan
@@ -179,7 +192,7 @@ def vary(functions, mode, n, p, duration, active, columns, longer, mesh, count, 
     for step in range(count):
         h, y, end = mesh[step + 1] - mesh[step], pointer(nodes, step * length), pointer(nodes, (step + 1) * length)
         bends = pointer(coefficients, step * STAGES * length)
-        _set_rates(segment, mesh[step], h, stages)
+        set_rates(segment, mesh[step], h, stages)
         if not (taken(segment, h, before, y, stages) and linearised(segment, h, y, stages)):
             for e in range((count - step) * length):
                 end[e] = np.nan

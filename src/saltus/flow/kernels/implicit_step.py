@@ -13,7 +13,7 @@ from numba import float64, int64, types
 
 from saltus.flow import radau
 from saltus.flow.kernels.segment import FIELD_P, VARY
-from saltus.flow.kernels.stages import dense_value
+from saltus.flow.kernels.stages import dense_slope, dense_value
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import ARRAYS, INNER, call, outlined, pointer
 
@@ -29,6 +29,9 @@ STALLED = 1e-7  # the same, up to which steps that no longer shrink are rounding
 REACH = 2.0  # step, over the one before, up to which the dense output is a guess for the next one
 LONGEST = 1e14  # longest step, times the fastest rate: at rest steps would grow beyond all numbers
 GROWN = 3.0  # growth over a step, in factors e, that the method follows
+PROBES = 0.24, 0.45, 0.66, 0.85  # fractions of a step, between its stages, at which its dense output is checked
+SHARE = 0.2  # part of a step over which what is left of its equations there acts
+PASSED = 1e4  # error there, in tolerances, from which on a step passed over something
 ROUGH = 100.0  # coefficient of the polynomial of degree 7, in tolerances, up to which a step is accepted
 NUMBERS = types.CPointer(float64)
 INTEGERS = types.CPointer(int64)
@@ -333,13 +336,54 @@ def _fastest(entries, n):
 
 
 @njit(**INNER)
-def error_of(segment, h, used, x, stages, rtol, atol):
-    """Return the error of a step over its tolerance: its roughness, or growth that it does not resolve.
+def error_between(segment, begin, h, used, x, curve, stages, rtol, atol):
+    """Return the error of a step's dense output between its stages, over what is allowed: what is left of the equations.
+
+    The stages see nothing of what happens between them. What is left, d, is an error of (1 - r J)^-1 d, with the
+    Jacobian J and `SHARE` of the step's length in time, r: a fast state is off by d / (r J) only.
+    begin: clustered time at the start of the step, -1 where the step's variable is the time itself. curve: (7 n,).
+    """
+    outlined()
+    n, frame, out, matrix, left, worst = segment.n, stages.frame, stages.out, stages.matrix, stages.column, 0.0
+    for k in range(len(PROBES)):
+        fraction, rate = PROBES[k], h * segment.duration
+        if begin >= 0.0:
+            time = begin + fraction * h
+            rate *= 6.0 * time * (1.0 - time)
+        dense_value(curve, 0, n, x, 0, fraction, frame)
+        dense_slope(curve, 0, n, fraction, left)
+        for e in range(n * n):
+            frame[n + e] = 1.0 if e % (n + 1) == 0 else 0.0
+        call(segment.functions[VARY], segment.mode, n, frame, 0, segment.p, out, 0)
+        for a in range(n):
+            left[a] -= rate * out[a]
+            for b in range(n):
+                matrix[a * n + b] = (1.0 if a == b else 0.0) - SHARE * rate * out[n + a * n + b]
+        if not factorise(matrix, n, stages.scales, stages.pivots):
+            return math.inf
+        substitute(stages, n, left)
+        for e in range(used):
+            top = max(max(abs(x[e]), abs(x[e] + curve[e])), abs(frame[e]))
+            error = abs(left[e]) / (PASSED * (atol + rtol * top))
+            if not error <= worst:
+                worst = error
+    return worst
+
+
+@njit(**INNER)
+def error_of(segment, begin, h, used, x, stages, rtol, atol):
+    """Return the error of a step over its tolerance: its roughness, what it passed over, or growth it does not resolve.
 
     An implicit step over growth by many factors e would damp it, and stay where every motion nearby leaves.
+    begin: as in `error_between`.
     """
     n, longest = segment.n, 0.0
     error = roughness(n, used, x, stages.increments, rtol, atol)
+    if not error <= 1.0:
+        return error
+    curve = pointer(stages.matrix, n * n)
+    dense_increments(n, stages.increments, curve)
+    error = max(error, error_between(segment, begin, h, used, x, curve, stages, rtol, atol))
     if not error <= 1.0:
         return error
     for i in range(STAGES):

@@ -51,7 +51,7 @@ def flow_second(segment, sensitive, bent, x0, mesh, count, y):
     """Run a segment on its mesh and leave state, sensitivities and their derivatives along the direction in `y`.
 
     y: [x (n), then for each component its n + active sensitivities and their derivatives along the direction, and where
-    `mean` what `_quadrature` integrates, 2 (n + active + 2)]. `sensitive` counts both columns of each sensitivity.
+    `mean` what `quadrature` integrates, 2 (n + active + 2)]. `sensitive` counts both columns of each sensitivity.
     """
     outlined()
     functions, mode, duration, p, n = segment
@@ -89,7 +89,7 @@ def flow_second(segment, sensitive, bent, x0, mesh, count, y):
                 point[n + e] = share * out[e] * v[n] + along(pointer(trial, n + e * columns), v, n, n_active)
             call(field_2, mode, 0, point, 0, bent.p, bend, 0)
             if mean:
-                _quadrature(segment, sensitive, bent, weight, share, trial, out, point, scratch)
+                quadrature(segment, sensitive, bent, weight, share, trial, out, point, scratch)
             for e in range(n):
                 row, line = pointer(out, n + e * columns), pointer(bend, e * kept)
                 for c in range(kept):
@@ -123,7 +123,7 @@ def along(row, v, n, n_active):
 
 
 @njit(**INNER)
-def _quadrature(segment, sensitive, bent, weight, share, trial, out, point, scratch):
+def quadrature(segment, sensitive, bent, weight, share, trial, out, point, scratch):
     """Write the slopes of the mean rate of an event function with its derivatives, and of these along the direction.
 
     They lie in `out` behind those of the sensitivities, twice (1 + n + active + 1,); the last is that along the

@@ -127,11 +127,11 @@ MISSED = 1e4  # defect there, in tolerances, beyond which the step passed over s
 
 
 @njit(**INNER)
-def missed(segment, s, h, curve, node, x, probe, field, rtol, atol):
+def missed(segment, s, h, most, curve, node, x, probe, field, rtol, atol):
     """Whether a step passed over something: its dense output, between the stages, is far from satisfying the equations.
 
     The error estimate sees the field at the stages only, and a narrow dip towards a surface can lie between them.
-    curve: (7 n,), from the state `node`, (n,). x, probe, field: scratch, (n,) each.
+    most: as in `leaps`. curve: (7 n,), from the state `node`, (n,). x, probe, field: scratch, (n,) each.
     """
     outlined()
     n = segment.n
@@ -143,14 +143,14 @@ def missed(segment, s, h, curve, node, x, probe, field, rtol, atol):
         for e in range(n):
             if not abs(probe[e] - h * field[e]) <= MISSED * (atol + rtol * abs(x[e])):
                 return True
-    return leaps(segment, h, curve, node)
+    return leaps(segment, h, most, curve, node)
 
 
 @njit(**INNER)
-def leaps(segment, h, curve, node):
-    """Whether an exponent goes too far in a step, which may hide a pulse; curve and node are those of `missed`."""
+def leaps(segment, h, most, curve, node):
+    """Whether an exponent goes further than `most` ways in a step, which may hide a pulse; the rest as in `missed`."""
     way = segment.functions[WAYS]
-    return h > JUMP and longest_way(way, segment.mode, segment.n, segment.p, curve, node) > 1.0
+    return h > JUMP and longest_way(way, segment.mode, segment.n, segment.p, curve, node) > most
 
 
 @njit(cache=True, error_model="numpy")
@@ -186,7 +186,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
             h *= max(0.2, 0.9 * error**-0.125)
             continue
         dense_step(segment, s, h, x, slopes, y, x_end, coefficients)
-        if missed(segment, s, h, coefficients, x, y, probe, field, rtol, atol):
+        if missed(segment, s, h, 1.0, coefficients, x, y, probe, field, rtol, atol):
             h *= 0.5
             continue
         count += 1

@@ -35,6 +35,8 @@ class View(NamedTuple):
         Sum of the durations' sizes.
     implicit : int
         Address of the dense output of implicit steps; 0 where steps are explicit.
+    check : int
+        Address of the check of a step's dense output between its stages; 0 where explicit steps check it, too.
     """
 
     functions: object
@@ -52,6 +54,7 @@ class View(NamedTuple):
     sizes: object
     period: float
     implicit: int
+    check: int
 
 
 class Curve(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba import int64
 
 from saltus.flow.kernels.second import Bent, along, flow_second
 from saltus.flow.kernels.segment import EVENT_P, EVENT_X, FIELD_P, VARY, Segment, Sensitive
@@ -13,7 +14,7 @@ from saltus.orbits.records import Mesh, Orbit
 from saltus.orbits.signature import EVENT_END, MEAN_END, TOUCH_END
 from saltus.system.compiled import SECOND
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer
+from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
 DERIVE = SECOND.index("derive")
 EVENT_2 = SECOND.index("event_2")
@@ -54,11 +55,12 @@ class Room(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def second(orbit, mesh, functions, n_parameters, p, u, v, S):
+def second(orbit, mesh, functions, implicit, n_parameters, p, u, v, S):
     """Write S = d(J v)/d(u, active), (m, m + active), J being the Jacobian that `equations` writes.
 
     u, v: (m + active,). orbit, mesh: the fields of those records, the parameters those at `u`. functions: addresses of the
-    generated functions of second derivatives; p: room for the parameters with their constants.
+    generated functions of second derivatives; implicit: address of `saltus.flow.kernels.implicit_second.flow_second` where
+    steps are implicit, else 0; p: room for the parameters with their constants.
     """
     orbit, mesh = Orbit(*orbit), Mesh(*mesh)
     for i in range(n_parameters):
@@ -86,7 +88,14 @@ def second(orbit, mesh, functions, n_parameters, p, u, v, S):
             direction[e] = v[row + e]
         segment = Segment(system.functions, piece.mode, piece.duration, system.p, n)
         sensitive = Sensitive(piece.transition, piece.mean, False, system.active, n_active, 2 * kept)
-        flow_second(segment, sensitive, bent, pointer(start, row), pointer(mesh.places, first), count, room.end)
+        x0, places = pointer(start, row), pointer(mesh.places, first)
+        if implicit == 0:
+            flow_second(segment, sensitive, bent, x0, places, count, room.end)
+        else:
+            sizes = np.array((piece.mode, n, piece.transition, int64(piece.mean), n_active, 2 * kept, int64(count)))
+            laws = system.functions, system.p, pointer(sizes, 0), system.active
+            invoke(implicit, (*laws, bent.functions, bent.p, bent.direction, x0, piece.duration, places, room.end))
+            keep(sizes)
         _turned(segment, sensitive, bent, room)
         _landing(system, piece, bent, room, entries)
         line = pointer(entries, (row + n) * width)

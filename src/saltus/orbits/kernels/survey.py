@@ -8,7 +8,7 @@ import numpy as np
 from numba import int64
 
 from saltus.flow.kernels.event import AT_WRAP
-from saltus.flow.kernels.segment import EVENT_X, FIELD, LINEAR, Segment, dense, leaps, missed
+from saltus.flow.kernels.segment import EVENT_X, FIELD, Segment, dense, leaps, missed
 from saltus.flow.kernels.stages import dense_value
 from saltus.orbits.kernels.curve import EVENT, FINE, GUARD, OUTPUTS, Curve, Room, View, at_phase, fine, lowest
 from saltus.orbits.kernels.equation import RESET, TURN, piece_at, pointed, take_parameters, total_duration
@@ -33,6 +33,7 @@ from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
 PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss the true one
+MOVED = 3.0  # ways that exponents may go in a step of a mesh that was moved since it was made with 1
 
 
 @njit(cache=True, error_model="numpy")
@@ -146,6 +147,7 @@ def _viewed(system, events, sizes, period):
         sizes,
         period,
         system.implicit[1],
+        system.implicit[3],
     )
 
 
@@ -209,10 +211,24 @@ def _followed(view, piece, curve, u, tolerances, room):
         a = curve.mesh[step]
         bend, node = pointer(curve.coefficients, step * 7 * n), pointer(curve.nodes, step * n)
         h = curve.mesh[step + 1] - a
-        if view.implicit != 0 and view.functions[LINEAR] == 0:
-            coarse = leaps(segment, h, bend, node)
+        if view.check != 0:
+            given = (
+                view.functions,
+                piece.mode,
+                n,
+                view.p,
+                piece.duration,
+                a,
+                h,
+                node,
+                bend,
+                tolerances[0],
+                tolerances[1],
+            )
+            coarse = leaps(segment, h, MOVED, bend, node) or not invoke(view.check, given) <= 1.0
         else:
-            coarse = missed(segment, a, h, bend, node, room.x, room.probe, room.field, tolerances[0], tolerances[1])
+            rtol, atol = tolerances
+            coarse = missed(segment, a, h, MOVED, bend, node, room.x, room.probe, room.field, rtol, atol)
         if coarse:
             return bad | COARSE
     return bad
