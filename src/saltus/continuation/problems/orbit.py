@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from saltus.continuation.problems.guards import INFINITE, residual_fault, unconf
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
+from saltus.continuation.problems.turning import Pair, followed_pairs, rest_of_product
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.problems.watching import Watched
 from saltus.orbits import records
@@ -78,6 +79,7 @@ class OrbitData:
     unstable: int  # number of unstable multipliers
     # multipliers without the trivial one, each at the index of its predecessor at the point before
     followed: tuple[complex, ...] = ()
+    pairs: tuple[Pair, ...] = ()  # complex ones, followed through the real axis
 
 
 class OrbitZeroProblem:
@@ -241,7 +243,8 @@ class OrbitZeroProblem:
         way = self._follow(point, before, values)
         followed = way.followed
         unstable = unstable_count(values[: len(followed)], neutral=self.neutral)
-        data = OrbitData(survey, values, unstable, followed)
+        old, step = ((), 0.0) if before is None else (before.examined.data.pairs, abs(point.arc - before.arc))
+        data = OrbitData(survey, values, unstable, followed, followed_pairs(old, followed, step))
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
         still_ahead(monitors, survey, before)
@@ -250,7 +253,7 @@ class OrbitZeroProblem:
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         if before is None:
-            return Examined(monitors, None, data)
+            return Examined(monitors, None, data, closer=self._closer(data))
         if _rests(before, point):
             self._judge_fold(before, monitors, data)
         self._step = before, point
@@ -260,7 +263,14 @@ class OrbitZeroProblem:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
             monitors[name], fault, self._crossed = ends[1], None, way.real
-        return Examined(monitors, fault, data, doubled_by(followed))
+        return Examined(monitors, fault, data, doubled_by(followed), self._closer(data))
+
+    def _closer(self, data: OrbitData) -> dict[Monitor, tuple[Any, float]]:
+        """Return products that vanish where determinants do, without their other factors and pairs that turn on."""
+        if not all(abs(value) < INFINITE for value in data.followed):
+            return {}
+        at = {_PD: -1.0} if self.further else {_PD: -1.0, _BP: 1.0}
+        return {name: rest_of_product(data.pairs, data.followed, mu) for name, mu in at.items()}
 
     def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
         """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.
