@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit
-from saltus.continuation.problems.turning import followed_pairs, rest_of_product
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.problems.turning import followed_pairs, products
 
 RADIUS = 0.9
 
@@ -27,7 +28,9 @@ def test_a_pair_that_turns_past_the_axis_is_followed_through_it() -> None:
     assert pair.steady
     assert abs(math.remainder(abs(pair.angle) - 0.9, 2.0 * math.pi)) < 1e-12
     assert abs(pair.rate) == pytest.approx(7.0)
-    assert rest_of_product([pair], [pair.value, pair.value.conjugate(), 0.5], 1.0) == ((0,), -0.5)
+    values, fold = [pair.value, pair.value.conjugate(), 0.5], Monitor("BP")
+    assert products([pair], values, {fold: 1.0}) == {fold: ((0,), -0.5)}
+    assert products([pair], [*values, complex(np.inf)], {fold: 1.0}) == {}
 
 
 def test_a_pair_that_parts_far_enough_is_not_taken_to_turn_on() -> None:

@@ -9,10 +9,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from saltus.continuation.problems.guards import INFINITE
 
-__all__ = ["Pair", "followed_pairs", "rest_of_product"]
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from saltus.continuation.core.monitor import Monitor
+
+__all__ = ["Pair", "followed_pairs", "products"]
 
 _COMPLEX = 1e-12  # least imaginary part of a multiplier of a pair, over its size
 _FAR = 1.5  # angle in a step, in radians, from which on a pair is not followed
@@ -82,8 +86,12 @@ def _turns_on(pair: Pair, value: complex, angle: float, off: float) -> bool:
     return _SAFE * off * a * b < (a + b) * away * away / (2.0 * abs(value))
 
 
-def rest_of_product(pairs: Sequence[Pair], values: Sequence[complex], at: float) -> tuple[tuple[int, ...], float]:
-    """Return which pairs turned on, and the product of the other multipliers' differences from a real number.
+def products(
+    pairs: Sequence[Pair], values: Sequence[complex], places: Mapping[Monitor, float]
+) -> dict[Monitor, tuple[tuple[int, ...], float]]:
+    """Return for each monitor which pairs turned on, and the product of all others' differences from a real number.
+
+    There are none where a multiplier is infinite.
 
     Parameters
     ----------
@@ -91,10 +99,16 @@ def rest_of_product(pairs: Sequence[Pair], values: Sequence[complex], at: float)
         What `followed_pairs` returns.
     values : sequence of complex
         All multipliers.
-    at : float
-        The number, 1 or -1.
+    places : mapping of Monitor to float
+        The numbers, 1 or -1.
     """
+    if not all(abs(value) < INFINITE for value in values):
+        return {}
     steady = [pair for pair in pairs if pair.steady]
+    names = tuple(pair.name for pair in steady)
     apart = {pair.value for pair in steady} | {pair.value.conjugate() for pair in steady}
-    product = math.prod((value - at for value in values if value not in apart), start=1.0 + 0.0j)
-    return tuple(pair.name for pair in steady), product.real
+    others = [value for value in values if value not in apart]
+    return {
+        monitor: (names, math.prod((value - at for value in others), start=1.0 + 0.0j).real)
+        for monitor, at in places.items()
+    }
