@@ -89,3 +89,17 @@ def test_sensitivities_of_observables_are_those_of_explicit_steps(
         assert float(mine[name].sel(parameter="Omega")) == pytest.approx(
             float(theirs[name].sel(parameter="Omega")), rel=1e-8
         )
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("modes", [5, 10])
+def test_an_orbit_of_many_modes_is_found_from_rest(modes: int) -> None:
+    """The motion until it settles takes hundreds of thousands of steps, of a fast mode and not of a stiff one."""
+    system = tapping_mode(table1(), modes=modes, parameters={"D_rep": 60.0, "Omega": 0.95})
+    orbit = find_orbit(system, x0=np.zeros(2 * modes))
+    assert orbit.admissible
+    assert np.all(np.abs(orbit.multipliers) < 1.0)
+    residual, _ = orbit.problem(("Omega",)).resolve(np.append(orbit.unknowns, 0.95))
+    assert np.abs(residual).max() < 1e-11
+    three = find_orbit(tapping_mode(table1(), modes=3, parameters={"D_rep": 60.0, "Omega": 0.95}), x0=np.zeros(6))
+    assert orbit.max["q1"] == pytest.approx(three.max["q1"], rel=1e-2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,6 +70,7 @@ def linear_frames(
     return linear
 
 
+@cache
 def lawson_steps() -> NDArray[np.int64]:
     """Return addresses of the flow in frames, its dense output, and neither its variations nor a check, shape (4,)."""
     from saltus.flow.kernels import lawson_segment as kernels

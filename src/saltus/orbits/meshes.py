@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -108,6 +109,7 @@ def adapted(
     return (explicit, False) if isinstance(explicit, list) else explicit.segment
 
 
+@cache
 def implicit_steps() -> NDArray[np.int64]:
     """Return addresses of the flow by implicit steps, its dense output, its variations and its check, shape (4,)."""
     from saltus.flow.kernels import implicit_segment as kernels

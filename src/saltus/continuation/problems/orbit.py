@@ -21,8 +21,9 @@ from saltus.continuation.problems.guards import INFINITE, residual_fault, unconf
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
+from saltus.continuation.problems.turning import Pair, followed_pairs, products
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
-from saltus.continuation.problems.watching import Watched
+from saltus.continuation.problems.watching import Watched, beyond
 from saltus.orbits import records
 from saltus.orbits.correction import corrected
 from saltus.orbits.floquet import (
@@ -78,6 +79,7 @@ class OrbitData:
     unstable: int  # number of unstable multipliers
     # multipliers without the trivial one, each at the index of its predecessor at the point before
     followed: tuple[complex, ...] = ()
+    pairs: tuple[Pair, ...] = ()  # complex ones, followed through the real axis
 
 
 class OrbitZeroProblem:
@@ -100,6 +102,7 @@ class OrbitZeroProblem:
     singular = frozenset({_BP})
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
+    vanish_at: Mapping[Monitor, float] = MappingProxyType({_PD: -1.0, _BP: 1.0})  # multipliers where these vanish
     further = 0  # unknowns between those of the orbit and the varied one
     active_at: slice | None = None  # where among the unknowns the active parameters are, if not at their end
     neutral = False  # whether multipliers lie on the unit circle all along, as in a conservative system
@@ -115,8 +118,8 @@ class OrbitZeroProblem:
         kinds = problem.signature.kinds
         self._durations = timed(problem.signature)
         self._simple: dict[Monitor, Callable[[Point], float]] = {
-            _LOW: lambda point: _beyond(point.parameter - interest.low),
-            _HIGH: lambda point: _beyond(point.parameter - interest.high),
+            _LOW: lambda point: beyond(point.parameter - interest.low),
+            _HIGH: lambda point: beyond(point.parameter - interest.high),
             _SN: lambda point: float(point.tangent[-1]),
             _PD: lambda point: self._sized(_PD, *doubling_determinant(problem, self.own(point.J)), point),
             _BP: lambda point: self._sized(_BP, point.sign, point.log, point),
@@ -241,7 +244,8 @@ class OrbitZeroProblem:
         way = self._follow(point, before, values)
         followed = way.followed
         unstable = unstable_count(values[: len(followed)], neutral=self.neutral)
-        data = OrbitData(survey, values, unstable, followed)
+        old, step = ((), 0.0) if before is None else (before.examined.data.pairs, abs(point.arc - before.arc))
+        data = OrbitData(survey, values, unstable, followed, followed_pairs(old, followed, step))
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
         still_ahead(monitors, survey, before)
@@ -250,7 +254,7 @@ class OrbitZeroProblem:
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         if before is None:
-            return Examined(monitors, None, data)
+            return Examined(monitors, None, data, closer=products(data.pairs, followed, self.vanish_at))
         if _rests(before, point):
             self._judge_fold(before, monitors, data)
         self._step = before, point
@@ -260,7 +264,7 @@ class OrbitZeroProblem:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
             monitors[name], fault, self._crossed = ends[1], None, way.real
-        return Examined(monitors, fault, data, doubled_by(followed))
+        return Examined(monitors, fault, data, doubled_by(followed), products(data.pairs, followed, self.vanish_at))
 
     def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
         """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.
@@ -411,11 +415,6 @@ def _rests(a: Point, b: Point) -> bool:
     slope = max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1])))
     short = abs(b.arc - a.arc) <= _SHORT
     return slope < RESTS or (slope < _STEADY and abs(b.parameter - a.parameter) < ROUNDED and not short)
-
-
-def _beyond(distance: float) -> float:
-    """Return the distance from a bound, or zero where it is rounding."""
-    return distance if abs(distance) > 1e-12 else 0.0
 
 
 def _fault(

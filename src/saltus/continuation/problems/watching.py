@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from saltus.orbits.problem import OrbitProblem
     from saltus.orbits.quantities import Quantity
 
-__all__ = ["EXTREMUM", "Watched", "slope"]
+__all__ = ["EXTREMUM", "Watched", "beyond", "slope"]
 
 EXTREMUM = "extremum"  # what a user's event asks for in place of a value
 _STEP = 1e-3  # arclength of a step by which a quantity of a point is differentiated
@@ -62,3 +62,8 @@ def slope(
         (quantity(u + step * tangent) - quantity(u - step * tangent)) / (2.0 * step) for step in (_STEP, 0.5 * _STEP)
     )
     return near + (near - far) / 3.0
+
+
+def beyond(distance: float) -> float:
+    """Return the distance from a bound, or zero where it is rounding."""
+    return distance if abs(distance) > 1e-12 else 0.0
