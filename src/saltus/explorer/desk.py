@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from saltus.companion import Companion
 from saltus.errors import InputError, SaltusError
-from saltus.explorer.motions import motion_instead
+from saltus.explorer.kinds import motion_instead
 from saltus.explorer.tasks import Outcome, normal_forms, prepare, take, warm
 
 if TYPE_CHECKING:

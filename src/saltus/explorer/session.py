@@ -24,7 +24,7 @@ from saltus.result import READ, SESSION, load, netcdf, reading, result_in, tagge
 
 if TYPE_CHECKING:
     from saltus.result import Result
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Map
 
 __all__ = ["Entry", "Session", "Settings", "folder_of", "new_folder", "removed", "sessions_in", "told_end"]
 
@@ -90,10 +90,9 @@ class Session:
 
     def __init__(self, subject: Subject, folder: Path) -> None:
         self.subject, self.folder = subject, folder
-        self.system: HybridSystem = subject.system
+        self.system: HybridSystem | Map = subject.system
         self.entries: list[Entry] = []
-        states = len(self.system.states)
-        self.settings = Settings(dict(self.system.parameters), subject.x0 or (0.0,) * states)
+        self.settings = Settings(dict(self.system.parameters), subject.start)
         self.name = ""
         self._written: set[str] = set()
         self.forgotten = False

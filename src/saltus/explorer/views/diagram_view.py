@@ -269,7 +269,7 @@ class DiagramView:
             data, column = self._sources[key].data, "told" if place.label is not None else "index"
             for x, y, of, value in zip(data["x"], data["y"], data["of"], data[column], strict=True):
                 if (of, value) == (place.of, wanted):
-                    ring = {"x": [x], "y": [y]}
+                    _append(ring, {"x": x, "y": y})
         self._sources["chosen"].data = ring
 
     def _clicked(self, x: float, y: float, place: tuple[float, float] | None = None) -> None:
@@ -363,9 +363,10 @@ def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colo
         columns["alone"]["x"] += found.points[:, 0].tolist()
         columns["alone"]["y"] += found.points[:, 1].tolist()
         columns["alone"]["colour"] += [colour] * len(found.points)
+    count = found.count or len(found.points)
     for index, ((x, y), stable) in enumerate(zip(found.points.tolist(), found.stable.tolist(), strict=True)):
         told = "stable" if stable else "unstable"
-        row = {"x": x, "y": y, "of": name, "index": index, "told": told, "tip": f"{name}, {told}"}
+        row = {"x": x, "y": y, "of": name, "index": index % count, "told": told, "tip": f"{name}, {told}"}
         _append(columns["points"], row)
     if len(found.dots):
         x, y = found.dots.T

@@ -12,7 +12,7 @@ import numpy as np
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.errors import SaltusError
 from saltus.explorer import colours, look, widgets
-from saltus.explorer.drawing import quantities_of
+from saltus.explorer.drawing import quantities_of, sheets_of
 from saltus.plotting import style
 from saltus.plotting.space import coordinates_of, stretches_of
 
@@ -149,7 +149,9 @@ class SpaceView:
             if entry.name in self._session.settings.hidden or not isinstance(entry.result, SolutionCurve):
                 continue
             try:
-                curves += [(s, self._colour(number), entry.name) for s in stretches_of(entry.result, names)]
+                sheets = sheets_of(entry.result, names)
+                found = (stretch for sheet in sheets for stretch in stretches_of(sheet, names))
+                curves += [(stretch, self._colour(number), entry.name) for stretch in found]
                 points = entry.result.special_points
                 marks += [(p, coordinates_of(entry.result, p, names), entry.name) for p in points]
             except SaltusError as error:
