@@ -15,6 +15,7 @@ from uuid import uuid4
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
+from saltus.explorer.colours import colour_of
 from saltus.explorer.numerics import Numerics
 from saltus.explorer.solutions import observable_of
 from saltus.explorer.steps import Place, Step, Sweep, step_from
@@ -317,13 +318,14 @@ class Session:
 
     def _plot_text(self, entry: Entry) -> str:
         """Return Python that draws a result on the diagram's axes, up to the closing bracket; empty where none does."""
+        colour = f"colour={colour_of(self.entries.index(entry), entry.result)!r}"
         if entry.step.noun in ("branch", "locus"):
-            return f"{entry.name}.plot({', '.join(map(repr, self.settings.axes))}"
+            return f"{entry.name}.plot({', '.join(map(repr, self.settings.axes))}, {colour}"
         if not isinstance(entry.step, Sweep) or self.settings.axes[:1] != (entry.step.parameter,):
             return ""
         seen = observable_of(self.settings.axes[1], self.system)
         known = (*self.system.states, *entry.step.observables)
-        return f"{entry.name}.plot({seen!r}" if seen in known else ""
+        return f"{entry.name}.plot({seen!r}, {colour}" if seen in known else ""
 
     def script(self) -> str:
         """Return Python that computes everything that the session has, and draws its diagram.
@@ -347,7 +349,7 @@ class Session:
         plots = [told for entry in drawn if (told := self._plot_text(entry))]
         if plots:
             lines += ["", f"ax = {plots[0]})"]
-            lines += [f"{told}{', ' if told[-1] != '(' else ''}ax=ax, legend=False)" for told in plots[1:]]
+            lines += [f"{told}, ax=ax, legend=False)" for told in plots[1:]]
             lines += ['ax.figure.savefig("diagram.png", dpi=200)']
         return "\n".join(lines) + "\n"
 

@@ -247,7 +247,7 @@ class DiagramView:
         first = [group[0] for group in groups]
         labels, places = [marks["label"][i] for i in first], [self._on_screen(x[i], y[i]) for i in first]
         for i, beside in zip(first, places_beside(places, labels, self._frame()), strict=True):
-            marks["align"][i], marks["aside"][i], marks["below"][i] = beside
+            marks["align"][i], marks["aside"][i], marks["below"][i], _ = beside
 
     def name_marks_anew(self) -> None:
         """Write labels where there is room for them now: the figure has another size or shows another range."""

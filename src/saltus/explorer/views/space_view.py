@@ -13,6 +13,7 @@ from saltus.continuation.results.curve import SolutionCurve
 from saltus.errors import SaltusError
 from saltus.explorer import colours, look, widgets
 from saltus.explorer.drawing import quantities_of, sheets_of
+from saltus.explorer.points.label_places import places_beside
 from saltus.plotting import style
 from saltus.plotting.space import coordinates_of, stretches_of
 
@@ -28,7 +29,10 @@ _ELEVATION = 24.0  # likewise
 _EDGES = ((0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 6), (5, 7), (6, 7))  # of a cube
 _HALF = 1.9  # half of what the figure shows; the cube's corners are at -1 and 1
 
-# what `projected` does, for each table; what is drawn is changed in place, so that nothing goes to the server
+_SIZE = (600.0, 340.0)  # pixels of a frame whose size is not yet known
+_NAMED = ("ends", "marks")  # tables with labels; those of the first ones take their places first
+
+# what `projected` does, for each table; what is drawn is changed in place, and only the last direction is told
 _TURN = """
 if (cb_obj.event_name == 'pan') {
   view.data.azimuth[0] -= 0.4 * cb_obj.delta_x
@@ -47,6 +51,7 @@ for (const table of tables) {
   }
   table.change.emit()
 }
+if (cb_obj.event_name != 'pan') view.data = {azimuth: [...view.data.azimuth], elevation: [...view.data.elevation]}
 """
 
 
@@ -110,7 +115,7 @@ class SpaceView:
         self.redraw()
 
     def _glyphs(self) -> dict[str, Any]:
-        from bokeh.events import Pan, Reset
+        from bokeh.events import Pan, PanEnd, RangesUpdate, Reset
         from bokeh.models import ColumnDataSource, CustomJS, HoverTool, PanTool
 
         made = self.figure
@@ -119,24 +124,27 @@ class SpaceView:
         lines = made.multi_line(
             "u", "v", source=tables["curves"], line_color="colour", line_dash="dash", line_width=2.0, name="curves"
         )
-        made.scatter(
+        marks = made.scatter(
             "u", "v", source=tables["marks"], size=8, marker="marker", line_color="colour", fill_color="fill",
             name="marks",
         )  # fmt: skip
-        for name in ("marks", "ends"):
+        for name in _NAMED:
             made.text(
-                "u", "v", source=tables[name], text="name", x_offset=6, y_offset=-3, text_font_size="10px",
-                text_color="colour",
+                "u", "v", source=tables[name], text="label", x_offset="aside", y_offset="below", text_align="align",
+                text_font_size="10px", text_color="colour", name=f"{name}-labels",
             )  # fmt: skip
-        made.add_tools(HoverTool(renderers=[lines], tooltips=[("", "@name")]))
+        made.add_tools(HoverTool(renderers=[marks, lines], tooltips=[("", "@name")]))
         made.toolbar.tools = [tool for tool in made.toolbar.tools if not isinstance(tool, PanTool)]
         made.toolbar.active_drag = None
         made.axis.visible = made.grid.visible = False
         look.fit(made, [-_HALF, _HALF], [-_HALF, _HALF], 0.0)
         self._view = ColumnDataSource({"azimuth": [_AZIMUTH], "elevation": [_ELEVATION]})
         turn = CustomJS(args={"tables": list(tables.values()), "view": self._view}, code=_TURN)
-        made.js_on_event(Pan, turn)
-        made.js_on_event(Reset, turn)
+        for event in (Pan, PanEnd, Reset):
+            made.js_on_event(event, turn)
+        self._view.on_change("data", lambda attribute, before, now: self._turned())
+        made.on_event(RangesUpdate, lambda _: self._turned())
+        made.on_change("inner_width", lambda attribute, before, now: self._turned())
         return tables
 
     def redraw(self) -> None:
@@ -180,18 +188,49 @@ class SpaceView:
         corners = np.array([[2.0 * (k >> axis & 1) - 1.0 for k in range(8)] for axis in range(3)])
         for first, last in _EDGES:
             _add(tables["box"], corners[:, [first, last]])
+        self._name({name: tables[name] for name in _NAMED})
         for name, table in tables.items():
             self._tables[name].data = table
         if every.size:
             self._view.data = {"azimuth": [_AZIMUTH], "elevation": [_ELEVATION]}
 
+    def _turned(self) -> None:
+        """Place labels anew: space is seen from elsewhere, or by another size."""
+        tables = {name: {key: [*column] for key, column in self._tables[name].data.items()} for name in _NAMED}
+        (azimuth,), (elevation,) = self._view.data["azimuth"], self._view.data["elevation"]
+        for table in tables.values():
+            places = np.array([table[axis] for axis in "xyz"], dtype=np.float64)
+            table["u"], table["v"] = projected(places, azimuth, elevation).tolist()
+        self._name(tables)
+        for name, table in tables.items():
+            self._tables[name].data = table
+
+    def _name(self, tables: dict[str, dict[str, list[Any]]]) -> None:
+        """Write labels where there is room; one without stays away, and the pointer tells it."""
+        known = self.figure.properties_with_values(include_defaults=False)
+        size = float(known.get("inner_width") or _SIZE[0]), float(known.get("inner_height") or _SIZE[1])
+        x, y = self.figure.x_range, self.figure.y_range
+        across, down = size[0] / (float(x.end - x.start) or 1.0), size[1] / (float(y.end - y.start) or 1.0)
+        seen = [
+            ((u - x.start) * across, (y.end - v) * down)
+            for table in tables.values()
+            for u, v in zip(table["u"], table["v"], strict=True)
+        ]
+        beside = iter(places_beside(seen, [name for table in tables.values() for name in table["name"]], size))
+        for table in tables.values():
+            found = [next(beside) for _ in table["name"]]
+            for key in ("align", "aside", "below"):
+                table[key] = [getattr(one, key) for one in found]
+            table["label"] = [name if one.free else "" for name, one in zip(table["name"], found, strict=True)]
+
 
 _PLACES = ("x", "y", "z", "u", "v")
+_LABEL = ("label", "align", "aside", "below")
 _COLUMNS = {
     "box": _PLACES,
     "curves": (*_PLACES, "name", "colour", "dash"),
-    "marks": (*_PLACES, "name", "colour", "marker", "fill"),
-    "ends": (*_PLACES, "name", "colour"),
+    "marks": (*_PLACES, "name", "colour", "marker", "fill", *_LABEL),
+    "ends": (*_PLACES, "name", "colour", *_LABEL),
 }
 
 
