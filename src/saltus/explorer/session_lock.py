@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import suppress
+import weakref
 from pathlib import Path
-from typing import IO
 
 from saltus.errors import InputError
 
 __all__ = ["SessionLock"]
 
 _FILE = "session.lock"
+_HOW = os.O_RDWR | os.O_CREAT | os.O_APPEND
 
 
 class SessionLock:
@@ -39,7 +39,7 @@ class SessionLock:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / _FILE
-        self._file: IO[bytes] | None = None
+        self._closes: weakref.finalize[[int], SessionLock] | None = None
 
     def take(self) -> None:
         """Take the lock.
@@ -50,46 +50,44 @@ class SessionLock:
             Another server has it, or the folder cannot be written.
         """
         try:
-            file = self._path.open("a+b")
+            file = os.open(self._path, _HOW)
         except OSError as error:
             raise InputError("session", str(self._path.parent), "in a folder that can be written", str(error)) from None
         if not _locked(file):
-            file.seek(0)
-            owner = file.read(20).decode(errors="replace").strip()
-            file.close()
+            owner = os.read(file, 20).decode(errors="replace").strip()
+            os.close(file)
             hint = f"process {owner} has it open: close its page there, or begin a new session" if owner else ""
             raise InputError("session", self._path.parent.name, "one that no other server has open", hint)
-        file.truncate(0)
-        file.write(f"{os.getpid()}\n".encode())
-        file.flush()
-        self._file = file
+        os.ftruncate(file, 0)
+        os.write(file, f"{os.getpid()}\n".encode())
+        self._closes = weakref.finalize(self, os.close, file)
 
     @property
     def is_free(self) -> bool:
         """Whether nobody has the lock."""
         try:
-            with self._path.open("a+b") as file:
-                return _locked(file)
+            file = os.open(self._path, _HOW)
         except OSError:
             return False
+        found = _locked(file)
+        os.close(file)
+        return found
 
     def release(self) -> None:
         """Give the lock back."""
-        file, self._file = self._file, None
-        if file is not None:
-            with suppress(OSError):
-                file.truncate(0)
-            file.close()
+        if self._closes is not None:
+            self._closes()
 
 
-def _locked(file: IO[bytes]) -> bool:
+def _locked(file: int) -> bool:
     """Return whether a file could be locked: until it is closed, at the latest when the process ends."""
     try:
         if sys.platform == "win32":
             import msvcrt
 
-            file.seek(2**20)  # beyond what is read: there a lock forbids reading
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+            os.lseek(file, 2**20, os.SEEK_SET)  # beyond what is read: there a lock forbids reading
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+            os.lseek(file, 0, os.SEEK_SET)
         else:
             import fcntl
 

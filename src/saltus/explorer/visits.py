@@ -79,7 +79,8 @@ def visited(motion: Iterates | MapOrbit, names: Sequence[str], *, closed: bool) 
     state = motion.system.states[0]
     if tuple(names) == (state, NEXT + state) and len(motion.system.states) == 1:
         graph, pieces = _graph(motion, table.ravel())
-        return Path(graph, pieces, table, True, [*_cobweb(table, closed=closed)])
+        aids = [*_cobweb(table, np.vstack(graph), closed=closed)]
+        return Path(graph, pieces, table, points=True, aids=aids)
     joined = [table] if COUNT in names and 1 < len(table) <= _FEW else []
     return Path(events=table, points=True, aids=joined)
 
@@ -106,9 +107,11 @@ def _graph(motion: Any, visited: NDArray[np.float64]) -> tuple[list[NDArray[np.f
     return curves, [int(part[0]) for part in np.split(pieces, cuts)]
 
 
-def _cobweb(table: NDArray[np.float64], *, closed: bool) -> Iterator[NDArray[np.float64]]:
+def _cobweb(
+    table: NDArray[np.float64], graph: NDArray[np.float64], *, closed: bool
+) -> Iterator[NDArray[np.float64]]:
     """Go through the diagonal and the way between it and the graph."""
-    ends = np.array([table.min(), table.max()])
+    ends = graph[[0, -1], 0]
     yield np.column_stack([ends, ends])
     if len(table) <= _FEW:
         x, image = table.T
