@@ -6,8 +6,8 @@ import pytest
 import known_maps
 import saltus
 from saltus.explorer.choices import Choices, choices_at
-from saltus.explorer.drawing import default_axes, drawn, quantities_of
 from saltus.explorer.desk import Desk
+from saltus.explorer.drawing import default_axes, drawn, extent_of, quantities_of
 from saltus.explorer.numerics import Numerics, with_numerics
 from saltus.explorer.page import Page
 from saltus.explorer.session import Session, new_folder
@@ -38,9 +38,7 @@ LOGISTIC = {
 HENON = {
     "orbit1": FindOrbit(parameters={"a": 0.1}, x0=(0.1, 0.1)),
     "branch1": Continue(place=Place(of="orbit1"), parameter="a", bounds=(-1.0, 1.0), of="map_orbit"),
-    "locus1": Follow(
-        place=Place(of="branch1", label="PD1"), parameters=("a", "b"), bounds=((-1.0, 4.0), (-1.5, 0.9))
-    ),
+    "locus1": Follow(place=Place(of="branch1", label="PD1"), parameters=("a", "b"), bounds=((-1.0, 4.0), (-1.5, 0.9))),
 }
 
 
@@ -121,6 +119,15 @@ def test_an_orbit_is_seen_at_all_its_points(logistic):
     assert drawn(logistic["cascade1"], ("r", "x")).marks[0].x == pytest.approx(3.0, abs=1e-9)
     assert len(drawn(logistic["sweep1"], ("r", "x")).dots) == 5 * 100
     assert quantities_of(branch.system) == ["r", "x"]
+
+
+def test_where_a_branch_runs_to_infinity_the_axis_ends_before():
+    orbit = saltus.solve_orbit(known_maps.logistic(), {"r": 2.8}, x0=[0.6])
+    branch = saltus.continue_orbit(orbit, "r", (0.0, 4.0))  # x = 1 - 1/r
+    assert branch.column("x").min() < -1e3
+    seen = extent_of(drawn(branch, ("r", "x")))
+    assert seen[:, 1].min() > -10.0
+    assert seen[:, 1].max() == pytest.approx(0.75)
 
 
 def test_multipliers_observables_and_points_are_told(logistic):

@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem, Map
 
-__all__ = ["Drawn", "Mark", "Strand", "default_axes", "drawn", "quantities_of", "sheets_of"]
+__all__ = ["Drawn", "Mark", "Strand", "default_axes", "drawn", "extent_of", "quantities_of", "sheets_of"]
+
+
+_UNBOUNDED = "without bound"  # in the words of why a branch ended
+_STEEP = 0.05  # part of the range of a parameter, next to such an end, that sets no limits
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,8 @@ class Drawn:
     # shape (point,): whether each is stable
     stable: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
     count: int = 0  # points of the curve, where rows of `points` beyond are further places of the same ones
+    # shape (point, 2): the points that set an axis' limits, where others run to infinity; None for all
+    bounded: NDArray[np.float64] | None = None
     dots: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))  # shape (dot, 2): points of a sweep
 
 
@@ -130,7 +136,20 @@ def _(curve: Any, names: Sequence[str]) -> Drawn:
     if not along_one:
         return Drawn(strands, tuple(marks))
     points = np.vstack([np.column_stack([_column(sheet, name) for name in names]) for sheet in sheets])
-    return Drawn(strands, tuple(marks), points, np.tile(curve.stable, len(sheets)), len(curve))
+    stable = np.tile(curve.stable, len(sheets))
+    near = np.zeros(len(curve), bool)
+    for end, reason in zip((0, -1), curve.stopped, strict=True):
+        if _UNBOUNDED in reason:
+            near |= np.abs(curve.values - curve.values[end]) < _STEEP * float(np.ptp(curve.values))
+    bounded = points[~np.tile(near, len(sheets))] if near.any() and not near.all() else None
+    return Drawn(strands, tuple(marks), points, stable, len(curve), bounded)
+
+
+def extent_of(found: Drawn) -> NDArray[np.float64]:
+    """Return the places of a result that set the limits of axes, shape (place, 2)."""
+    curves = [np.column_stack([strand.x, strand.y]) for strand in found.strands] if found.bounded is None else []
+    marks = np.reshape([(mark.x, mark.y) for mark in found.marks], (-1, 2))
+    return np.vstack([*curves, marks, found.points if found.bounded is None else found.bounded, found.dots])
 
 
 @singledispatch

@@ -107,9 +107,7 @@ def _graph(motion: Any, visited: NDArray[np.float64]) -> tuple[list[NDArray[np.f
     return curves, [int(part[0]) for part in np.split(pieces, cuts)]
 
 
-def _cobweb(
-    table: NDArray[np.float64], graph: NDArray[np.float64], *, closed: bool
-) -> Iterator[NDArray[np.float64]]:
+def _cobweb(table: NDArray[np.float64], graph: NDArray[np.float64], *, closed: bool) -> Iterator[NDArray[np.float64]]:
     """Go through the diagonal and the way between it and the graph."""
     ends = graph[[0, -1], 0]
     yield np.column_stack([ends, ends])

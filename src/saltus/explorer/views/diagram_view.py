@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.errors import SaltusError
 from saltus.explorer import colours, look, widgets
-from saltus.explorer.drawing import Drawn, default_axes, drawn, quantities_of
+from saltus.explorer.drawing import Drawn, default_axes, drawn, extent_of, quantities_of
 from saltus.explorer.figures.pointer import TOGETHER, tell_at_pointer
 from saltus.explorer.following import followed_axes, told_where_fixed, varied_of
 from saltus.explorer.points.label_places import places_beside
@@ -48,7 +47,6 @@ _COLUMNS = {
     **dict.fromkeys(("chosen", "trail"), ("x", "y")),
 }
 _UPON = {"x": "to the right", "y": "upwards"}  # what the field of an axis is called
-_SEEN = ("marks", "points", "dots")  # what is seen besides curves
 _REACH = 24.0  # pixels from a click within which a solution is selected
 _BONUS = 8.0  # pixels by which a special point counts as nearer
 _SIZE = (600, 400)  # pixels of a figure whose size is not yet known
@@ -191,7 +189,7 @@ class DiagramView:
 
     def redraw(self) -> None:
         """Draw all results that are not hidden; `unseen` says why others cannot be drawn on these axes."""
-        columns = _empty()
+        columns, seen = _empty(), []
         self.unseen = {}
         for number, entry in enumerate(self._session.entries):
             if entry.name in self._session.settings.hidden:
@@ -201,11 +199,10 @@ class DiagramView:
             except SaltusError as error:
                 self.unseen[entry.name] = str(error)
                 continue
+            seen.append(extent_of(found))
             _add(columns, entry.name, found, self.colour(number))
-        x_seen, y_seen = (
-            [*chain(*columns["strands"][f"{axis}s"]), *chain(*(columns[name][axis] for name in _SEEN))] for axis in "xy"
-        )
-        look.fit(self.figure, x_seen, y_seen)
+        if seen:
+            look.fit(self.figure, *np.vstack(seen).T)
         self._name_marks(columns["marks"])
         self.marks.close()
         for name, table in columns.items():
