@@ -12,7 +12,7 @@ import numpy as np
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.errors import SaltusError
 from saltus.explorer import colours, look, widgets
-from saltus.explorer.drawing import quantities_of, sheets_of
+from saltus.explorer.drawing import default_axes, quantities_of, sheets_of
 from saltus.explorer.points.label_places import places_beside
 from saltus.plotting import style
 from saltus.plotting.space import coordinates_of, stretches_of
@@ -97,9 +97,7 @@ class SpaceView:
         self._session, self._colour = session, colour
         names = quantities_of(session.system)
         first, *others = session.system.parameter_names or ("t",)
-        height = f"max_{session.system.states[0]}"
-        if session.system.output_names:
-            height = f"min_{session.system.output_names[0]}"
+        _, height = default_axes(session.system, first)
         self._axes = [
             widgets.quantity(title, names, value, 104, f"space-{letter}")
             for letter, title, value in zip(
