@@ -34,11 +34,12 @@ _NAMED = ("ends", "marks")  # tables with labels; those of the first ones take t
 
 # what `projected` does, for each table; what is drawn is changed in place, and only the last direction is told
 _TURN = """
+view.turned ??= {azimuth: view.data.azimuth[0], elevation: view.data.elevation[0]}
 if (cb_obj.event_name == 'pan') {
-  view.data.azimuth[0] -= 0.4 * cb_obj.delta_x
-  view.data.elevation[0] = Math.max(-90, Math.min(90, view.data.elevation[0] - 0.4 * cb_obj.delta_y))
+  view.turned.azimuth -= 0.4 * cb_obj.delta_x
+  view.turned.elevation = Math.max(-90, Math.min(90, view.turned.elevation - 0.4 * cb_obj.delta_y))
 }
-const a = view.data.azimuth[0] * Math.PI / 180, e = view.data.elevation[0] * Math.PI / 180
+const a = view.turned.azimuth * Math.PI / 180, e = view.turned.elevation * Math.PI / 180
 const right = (x, y) => y * Math.cos(a) - x * Math.sin(a)
 const up = (x, y, z) => z * Math.cos(e) - (x * Math.cos(a) + y * Math.sin(a)) * Math.sin(e)
 for (const table of tables) {
@@ -51,7 +52,10 @@ for (const table of tables) {
   }
   table.change.emit()
 }
-if (cb_obj.event_name != 'pan') view.data = {azimuth: [...view.data.azimuth], elevation: [...view.data.elevation]}
+if (cb_obj.event_name != 'pan') {
+  view.data = {azimuth: [view.turned.azimuth], elevation: [view.turned.elevation]}
+  view.turned = null
+}
 """
 
 
