@@ -26,7 +26,8 @@ _HEIGHT = 235  # pixels of a figure
 _LINEARISED = '<p class="hint">Lines: motions of the field linearised at the equilibrium.</p>'
 _MOST_EVENTS = 400  # events of a motion that are marked
 _MOST_POINTS = 20_000  # points of a map's motion that are drawn
-_DOT, _SMALL_DOT = 6.0, 2.0  # pixels of a point, where there are few and where there are many
+_DOT = 6.0  # pixels of a point where there are few
+_SMALL_DOT = 2.0  # pixels of one where there are many
 _AID = "#8a94a0"  # of thin curves beside a motion
 
 
