@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from multiprocessing.process import BaseProcess
 
-__all__ = ["Companion", "Message"]
+__all__ = ["ENDED", "Companion", "Message"]
+
+ENDED = "the process that worked on this has ended"  # what is said of each piece that it had
 
 _PACE = 0.05  # seconds between two reports of progress, at least
 _PAUSE = 0.005  # seconds between two tries to interrupt what may not be interrupted
@@ -120,8 +122,7 @@ class Companion:
         done = {message.key for message in found if message.kind != "progress"}
         self._waiting = [key for key in self._waiting if key not in done]
         if self._waiting and self._process is not None and not self._process.is_alive() and not found:
-            told = "the process that worked on this has ended; what was done before is kept"
-            found += [Message(key, "error", told) for key in self._waiting]
+            found += [Message(key, "error", ENDED) for key in self._waiting]
             self._waiting = []
         return found
 

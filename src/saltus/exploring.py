@@ -9,13 +9,13 @@ from saltus import checks
 from saltus.progress import in_notebook
 
 if TYPE_CHECKING:
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Map
 
 __all__ = ["explore"]
 
 
 def explore(
-    system: HybridSystem | None = None,
+    system: HybridSystem | Map | None = None,
     *,
     load: str | os.PathLike[str] | None = None,
     port: int | None = None,
@@ -29,7 +29,7 @@ def explore(
 
     Parameters
     ----------
-    system : HybridSystem, optional
+    system : HybridSystem or Map, optional
         The system; by default a choice among the models of `saltus.afm`.
     load : path-like, optional
         A session that was downloaded as NetCDF.
@@ -46,7 +46,7 @@ def explore(
     Raises
     ------
     InputError
-        The system is no `HybridSystem`, the file holds no session, or the port is taken.
+        The system is neither a `HybridSystem` nor a `Map`, the file holds no session, or the port is taken.
     SaltusError
         ``saltus[app]`` is not installed.
 
@@ -55,7 +55,7 @@ def explore(
     >>> explore("pendulum")
     Traceback (most recent call last):
         ...
-    saltus.errors.InputError: system = 'str': must be a HybridSystem; a Map has `diagram` and `plot`
+    saltus.errors.InputError: system = 'str': must be a HybridSystem or a Map
     """
     from saltus.afm.explorer_models import TAPPING
     from saltus.explorer.opening import frame_in_notebook, open_explorer

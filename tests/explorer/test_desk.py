@@ -1,8 +1,12 @@
 """A desk hands steps to a companion and takes results in; the companion here answers as it is told."""
 
+import os
+import signal
+import time
+
 import pytest
 
-from saltus.companion import Message
+from saltus.companion import ENDED, Message
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import desk as desks
 from saltus.explorer.desk import Desk, Listener, Work
@@ -294,3 +298,65 @@ def test_what_was_undone_meanwhile_is_not_written(desk, taken_steps):
     desk.session.undo()
     desk.write()
     assert not [*desk.session.folder.glob("*.nc")]
+
+
+def test_a_process_that_died_is_told_with_what_is_kept(desk, taken_steps):
+    steps, results = taken_steps
+    desk.run(steps["orbit1"])
+    desk._companion.said = [Message(1, "error", ENDED)]
+    desk.listen()
+    desk.session.add(steps["orbit1"], results["orbit1"])
+    desk.run(steps["branch1"])
+    desk._companion.said = [Message(2, "error", ENDED)]
+    desk.listen()
+    first, second = (line for line, error in desk.listener.lines if error)
+    assert first == f"{ENDED}; there was nothing to keep"
+    assert second == f"{ENDED}; kept: orbit1"
+
+
+def test_a_process_that_says_nothing_is_told_after_a_second(desk, taken_steps, monkeypatch):
+    now = 100.0
+    monkeypatch.setattr(desks, "monotonic", lambda: now)
+    desk.run(taken_steps[0]["sweep1"])
+    for passed, silent in ((0.9, 0), (0.2, 1), (1.0, 2)):
+        now += passed
+        desk.attend()
+        assert desk.work.silent == silent
+    assert len(desk.listener.work) == 3  # as it began, and each second
+    desk._companion.said = [Message(1, "progress", Progress(3, 10, 1.0, "values"))]
+    desk.attend()
+    assert desk.work.silent == 0
+    now += 60.0
+    desk._companion.said = [Message(1, "stopped", None)]
+    desk.attend()
+    desk.attend()
+    assert desk.work == Work()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL")
+def test_a_killed_process_is_told_within_two_seconds_and_the_next_step_is_done(toys, empty, taken_steps):
+    steps, results = taken_steps
+    desk, ear = Desk(toys, empty), Ear()
+    desk.join(ear)
+    desk.session.add(steps["orbit1"], results["orbit1"])
+    try:
+        desk.run(steps["sweep1"].model_copy(update={"count": 10_000}))
+        while desk._progress is None:
+            desk.attend()
+            time.sleep(0.01)
+        os.kill(desk._companion._process.pid, signal.SIGKILL)
+        looks = 0
+        while not ear.lines:
+            desk.attend()
+            time.sleep(0.04)  # as the server looks
+            looks += 1
+            assert looks < 50
+        assert ear.lines == [(f"{ENDED}; kept: orbit1", True)]
+        assert not desk.busy
+        desk.run(steps["motion1"])
+        while desk.busy:
+            desk.attend()
+            time.sleep(0.01)
+        assert ear.entries == ["motion1"]
+    finally:
+        desk.close()

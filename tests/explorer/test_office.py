@@ -9,6 +9,13 @@ from saltus.explorer.session import Session
 from saltus.explorer.subjects import of_system
 
 
+def abandoned(office: Office) -> Office:
+    """Drop the locks of an office, as the system does when its process is killed."""
+    for lock in office._locks.values():
+        lock.release()
+    return office
+
+
 def test_a_session_without_results_leaves_nothing_behind(toys, tmp_path, ball_on_table):
     office = Office(toys, of_system(ball_on_table), tmp_path)
     office.desk("../../etc", None)
@@ -58,18 +65,23 @@ def test_a_tab_that_is_closed_counts_as_closed(office, toys, tmp_path, taken_ste
     desk, page = office.desk(None), Listener()
     desk.join(page)
     desk.session.write(desk.session.add(steps["orbit1"], results["orbit1"]))
+    assert Office(toys, None, tmp_path).unfinished() is None  # this office has it open
+    abandoned(office)
     assert Office(toys, None, tmp_path).unfinished() == desk.session.folder.name
     desk.leave(page)
     office.attend()
     assert Office(toys, None, tmp_path).unfinished() is None
-    again = Office(toys, None, tmp_path).desk(desk.session.folder.name)
-    assert Office(toys, None, tmp_path).unfinished() == again.session.folder.name  # it is open again
+    other = Office(toys, None, tmp_path)
+    again = other.desk(desk.session.folder.name)
+    abandoned(other)
+    assert Office(toys, None, tmp_path).unfinished() == again.session.folder.name  # it was open again
 
 
 def test_a_start_offers_no_session_of_another_model(office, toys, tmp_path, taken_steps):
     steps, results = taken_steps
     session = office.desk(None, "bench").session
     session.write(session.add(steps["orbit1"], results["orbit1"]))
+    abandoned(office)
     assert Office(toys, None, tmp_path).unfinished() is None
     assert Office(toys, toys.subject("bench"), tmp_path).unfinished() == session.folder.name
 
@@ -81,6 +93,7 @@ def test_a_session_that_was_not_closed_is_gone_on_with(office, toys, tmp_path, t
     assert Office(toys, None, tmp_path).unfinished() is None  # it has no results
     session.write(session.add(steps["orbit1"], results["orbit1"]))
     assert office.unfinished() is None  # its page is open
+    abandoned(office)
     assert Office(toys, None, tmp_path).unfinished() == session.folder.name
     assert Office(toys, toys.subject("bench"), tmp_path).unfinished() is None  # of another system
     office.close()
@@ -101,6 +114,21 @@ def test_an_upload_has_a_largest_size(office, monkeypatch):
     monkeypatch.setattr("saltus.explorer.office._UPLOAD", 10)
     with pytest.raises(InputError, match="file = '11 bytes': must be one of at most 10 bytes"):
         office.uploaded(b"x" * 11)
+
+
+def test_a_session_that_another_server_has_open_is_refused_and_not_deleted(office, toys, tmp_path, taken_steps):
+    steps, results = taken_steps
+    session, other = office.desk(None).session, Office(toys, None, tmp_path)
+    session.write(session.add(steps["orbit1"], results["orbit1"]))
+    name = session.folder.name
+    for refused in (other.desk, other.delete):
+        with pytest.raises(InputError, match=f"session = '{name}': must be one that no other server has open"):
+            refused(name)
+    assert Session.reopened(session.folder).results == session.results
+    abandoned(office)  # a killed process leaves no lock
+    assert other.desk(name).session.results == session.results
+    other.close()
+    assert Office(toys, None, tmp_path).desk(name).session.results == session.results
 
 
 def test_sessions_are_listed_by_name_and_deleted(office, tmp_path, taken_steps):

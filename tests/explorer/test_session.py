@@ -170,3 +170,27 @@ def test_the_file_of_a_session_is_no_result_and_says_so(session, tmp_path):
     file = session.packed(tmp_path / "session.nc")
     with pytest.raises(InputError, match="this is a session of the explorer: saltus explore --load"):
         saltus.load(file)
+
+
+def test_a_script_draws_in_the_colours_of_the_page(session, monkeypatch, tmp_path):
+    import matplotlib
+    from matplotlib import pyplot
+
+    from saltus.explorer.colours import colour_of
+    from saltus.explorer.drawing import drawn
+
+    matplotlib.use("agg")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(session.settings, "hidden", set())
+    monkeypatch.setattr(session.settings, "axes", ("a", "max_z"))
+    lines = session.script().splitlines()
+    plots = [line for line in lines[lines.index("") + 1 :] if ".plot(" in line]
+    assert len(plots) == 2  # a branch and a locus
+    told = {**session.results}
+    exec("\n".join(plots), told)
+    colours = {line.get_color() for line in told["ax"].lines if line.get_linestyle() != "None"}
+    pyplot.close(told["ax"].figure)
+    for number, entry in enumerate(session.entries[1:], 1):
+        assert drawn(entry.result, ("a", "max_z")).strands
+        assert colour_of(number, entry.result) in colours
+    assert "#1b1b1e" not in colours  # black is the colour of the first result, an orbit

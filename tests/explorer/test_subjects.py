@@ -50,14 +50,15 @@ def test_a_system_is_read_once_from_its_definition():
 
 @pytest.mark.parametrize("wrong", [3, None, "pendulum"])
 def test_what_is_no_system_is_refused(wrong):
-    with pytest.raises(InputError, match="must be a HybridSystem; a Map has"):
+    with pytest.raises(InputError, match="must be a HybridSystem or a Map"):
         of_system(wrong)
 
 
-def test_a_map_is_refused_with_a_hint():
-    logistic = known_maps.logistic()
-    with pytest.raises(InputError, match="system = 'Map': must be a HybridSystem; a Map has `diagram` and `plot`"):
-        of_system(logistic)
+@pytest.mark.parametrize("made", [known_maps.logistic, known_maps.tent])
+def test_a_map_is_made_again_by_its_python_and_does_not_start_at_zero(made):
+    subject = of_system(made())
+    assert again(subject) == made() == subject.system
+    assert subject.start == (0.1,)
 
 
 def test_a_system_in_a_file_is_made_again_by_its_python(folder):
@@ -81,7 +82,7 @@ def test_a_system_in_a_module_or_in_a_class_is_found(folder):
         (":pendulum", "FILE.py:NAME or MODULE:NAME"),
         ("nowhere.py:pendulum", "a file that exists"),
         ("{}.py:pendulun", "pendulum"),
-        ("{}.py:other", "a HybridSystem; other is of type int"),
+        ("{}.py:other", "a HybridSystem or a Map; other is of type int"),
     ],
 )
 def test_a_reference_that_leads_nowhere_is_told(folder, reference, told):

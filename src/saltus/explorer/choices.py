@@ -18,20 +18,22 @@ __all__ = ["Choices", "choices_at"]
 _SWITCHED: Mapping[str, Mapping[str, str]] = {
     "orbit": {"PD": "orbit", "BP": "orbit", **dict.fromkeys(CHANGES, "orbit"), "HB": "equilibrium"},
     "equilibrium": {"HB": "orbit", "BP": "equilibrium"},
+    "map_orbit": {"PD": "map_orbit", "BP": "map_orbit"},
 }
 # Types of which a locus can be followed.
 _FOLLOWED: Mapping[str, tuple[str, ...]] = {
     "orbit": ("SN", "PD", "TR", "BP", *CHANGES),
     "equilibrium": ("SN", "HB", "BE"),
+    "map_orbit": ("SN", "PD", "TR", "BC"),
 }
 
 
 class Choices(NamedTuple):
     """What a selected solution allows."""
 
-    what: str = ""  # ``"orbit"`` or ``"equilibrium"``; empty where nothing is selected
+    what: str = ""  # ``"orbit"``, ``"equilibrium"`` or ``"map_orbit"``; empty where nothing is selected
     resume: bool = False  # whether a branch can be followed through it
-    # what is followed after a change of branch, ``"orbit"`` or ``"equilibrium"``; empty where there is none
+    # what is followed after a change of branch, likewise; empty where there is none
     switch: str = ""
     # follow, cascade, film: whether its locus, its cascade can be followed, whether it can be filmed
     follow: bool = False
@@ -67,4 +69,4 @@ def choices_at(place: Place | None, results: Mapping[str, Any], films: Callable[
         return Choices(what, resume=True, film=film)
     kind = result[place.label].itself.type
     switch, follow = _SWITCHED[what].get(kind, ""), kind in _FOLLOWED[what]
-    return Choices(what, kind not in CHANGES, switch, follow, what == "orbit" and kind == "PD", film)
+    return Choices(what, kind not in CHANGES, switch, follow, traits_of(solution).circle and kind == "PD", film)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from saltus.companion import Companion
+from saltus.companion import ENDED, Companion
 from saltus.errors import InputError, SaltusError
-from saltus.explorer.motions import motion_instead
+from saltus.explorer.kinds import motion_instead
 from saltus.explorer.tasks import Outcome, normal_forms, prepare, take, warm
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class Work(NamedTuple):
     waiting: tuple[str, ...] = ()  # what waits behind it, in words
     stopping: bool = False  # whether it was told to stop
     trail: tuple[tuple[float, float], ...] = ()  # places on the diagram's axes of what was found so far
+    silent: int = 0  # seconds since the process has said anything
 
 
 class Listener:
@@ -96,6 +98,7 @@ class Desk:
         self._stopping: set[int] = set()
         self._unwritten: list[Entry] = []
         self._warming: int | None = None
+        self._silent, self._heard = 0, monotonic()
 
     @property
     def busy(self) -> bool:
@@ -110,7 +113,7 @@ class Desk:
         (key, job), *others = self._jobs.items()
         waiting = tuple(other.what for _, other in others)
         trail = tuple(self._trail) if job.axes == self.session.settings.axes else ()
-        return Work(job.what, self._progress, waiting, key in self._stopping, trail)
+        return Work(job.what, self._progress, waiting, key in self._stopping, trail, self._silent)
 
     # ---- pages ----
 
@@ -203,6 +206,8 @@ class Desk:
         except SaltusError as error:
             self.tell(str(error), error=True)
             return
+        if not self._jobs:
+            self._silent, self._heard = 0, monotonic()
         self._jobs[key] = job
         self._tell_work()
 
@@ -210,11 +215,17 @@ class Desk:
         """Take in what the companion has said, else write what has come: to be called again and again."""
         if self._jobs and self.listen():
             return
+        silent = int(monotonic() - self._heard) if self._jobs else 0
+        if silent != self._silent:
+            self._silent = silent
+            self._tell_work()
         self.write()
 
     def listen(self) -> bool:
         """Take in what the companion has said since the last call, and return whether it has said anything."""
         messages = [message for message in self._companion.heard() if message.key in self._jobs]
+        if messages:
+            self._silent, self._heard = 0, monotonic()
         for message in messages:
             if message.kind == "progress":
                 self._progress = message.content
@@ -226,7 +237,7 @@ class Desk:
             if message.kind == "result":
                 self._arrived(job, message.content)
             elif message.kind == "error":
-                self.tell(str(message.content), error=True)
+                self.tell(self._told(str(message.content)), error=True)
                 if (motion := motion_instead(job.step, str(message.content), self.session.system)) is not None:
                     self.run(motion)
             else:
@@ -236,6 +247,11 @@ class Desk:
             if not self._jobs and len(self.session.entries) == 1:
                 self.warm()
         return bool(messages)
+
+    def _told(self, error: str) -> str:
+        """Return an error in words; of a process that died, also what is kept."""
+        kept = ", ".join(entry.name for entry in self.session.entries)
+        return f"{error}; {f'kept: {kept}' if kept else 'there was nothing to keep'}" if error == ENDED else error
 
     def _arrived(self, job: Job, content: Any) -> None:
         if not isinstance(content, Outcome):

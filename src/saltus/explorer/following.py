@@ -11,7 +11,7 @@ from saltus.explorer.drawing import default_axes, drawn
 from saltus.sweeps import Sweep
 
 if TYPE_CHECKING:
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Map
 
 __all__ = ["followed_axes", "told_where_fixed", "varied_of"]
 
@@ -23,7 +23,9 @@ def varied_of(result: Any) -> tuple[str, ...]:
     return result.varied if isinstance(result, SolutionCurve) else ()
 
 
-def followed_axes(result: Any, axes: tuple[str, str], fixed: Collection[str], system: HybridSystem) -> tuple[str, str]:
+def followed_axes(
+    result: Any, axes: tuple[str, str], fixed: Collection[str], system: HybridSystem | Map
+) -> tuple[str, str]:
     """Return the axes on which a result is seen: its own parameters, and what was shown upwards before.
 
     Parameters

@@ -17,6 +17,7 @@ from saltus.companion import Companion
 from saltus.errors import SaltusError
 from saltus.explorer.solutions import path_of
 from saltus.explorer.subjects import system_of
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -88,7 +89,7 @@ def motion_frame(wish: Wish, steps: int, progress: Report | bool = False) -> Fra
     """
     from saltus.flow import SimulationOptions, simulate
 
-    begun, system = time.process_time(), system_of(wish.definition)
+    begun, system = time.process_time(), flowing(system_of(wish.definition))
     options = SimulationOptions(max_events=_EVENTS, max_steps=steps)
     span: dict[str, Any] = {"periods": max(round(wish.span), 1)} if system.phase is not None else {"t_end": wish.span}
     try:
@@ -120,7 +121,7 @@ def orbit_frame(wish: Wish, segments: Any, progress: Report | bool = False) -> F
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = solve_orbit(system_of(wish.definition), wish.parameters, segments)
+            found = solve_orbit(flowing(system_of(wish.definition)), wish.parameters, segments)
         if not found.admissible:
             return Frame(wish, "orbit", _EMPTY, _EMPTY, f"{_LOST}: {', '.join(found.reasons)}")
         told = "the orbit is carried, " + ("stable" if found.stable else "unstable")

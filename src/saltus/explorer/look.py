@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from bokeh.plotting import figure
     from numpy.typing import NDArray
 
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Map
 
 __all__ = [
     "DASHES",
@@ -220,7 +220,7 @@ def rounded_text(value: complex) -> str:
     return f"{sign}{parts[0]} {'+' if value.imag > 0.0 else '−'} {parts[1]}i"
 
 
-def time_label(name: str, system: HybridSystem) -> str:
+def time_label(name: str, system: HybridSystem | Map) -> str:
     """Return the label of an axis, with the unit of time where the system's names tell it.
 
     Examples

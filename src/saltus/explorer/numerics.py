@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from saltus.errors import InputError
+from saltus.explorer.kinds import kind_of
 from saltus.explorer.steps import Cascade, Continue, FindOrbit, Follow, Move, Sweep, Switch
 
 if TYPE_CHECKING:
     from saltus.explorer.steps import Step
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Map
 
 __all__ = ["Numerics", "section_names", "section_of", "with_numerics"]
 
@@ -52,7 +53,7 @@ class Numerics(BaseModel):
     section: str = ""
 
 
-def with_numerics(step: Step, numerics: Numerics, system: HybridSystem) -> Step:
+def with_numerics(step: Step, numerics: Numerics, system: HybridSystem | Map) -> Step:
     """Return a step with the numbers that concern it.
 
     Raises
@@ -85,7 +86,7 @@ def _set(numerics: Numerics, *names: str) -> dict[str, Any]:
     return {name: value for name in names if (value := getattr(numerics, name)) is not None}
 
 
-def section_names(system: HybridSystem) -> list[str]:
+def section_names(system: HybridSystem | Map) -> list[str]:
     """Return sections that can be chosen by name, the usual one first.
 
     Examples
@@ -98,11 +99,11 @@ def section_names(system: HybridSystem) -> list[str]:
     return [*dict.fromkeys([*system.transition_names, *maxima, *(f"{name} = 0" for name in system.states)])]
 
 
-def _usual(system: HybridSystem) -> str:
-    return "" if system.phase is not None else section_names(system)[0]
+def _usual(system: HybridSystem | Map) -> str:
+    return section_names(system)[0] if kind_of(system).section else ""
 
 
-def section_of(told: str, system: HybridSystem) -> str | tuple[str, Literal[-1, 0, 1]] | None:
+def section_of(told: str, system: HybridSystem | Map) -> str | tuple[str, Literal[-1, 0, 1]] | None:
     """Return a section as a sweep takes it: a transition, an expression with a direction, or None for phase 0.
 
     Raises
@@ -128,7 +129,7 @@ def section_of(told: str, system: HybridSystem) -> str | tuple[str, Literal[-1, 
     return (f"{left.strip()} - ({right.strip()})" if equals else text), 1
 
 
-def _rate(state: str, system: HybridSystem) -> str:
+def _rate(state: str, system: HybridSystem | Map) -> str:
     """Return the rate of a state, which falls through zero at its maxima."""
     modes: Mapping[str, Any] = json.loads(json.dumps(system.definition()))["modes"]
     rates = {str(mode["field"].get(state)) for mode in modes.values()}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from saltus.errors import InputError, SaltusError
 from saltus.explorer.desk import DELETED, Desk
 from saltus.explorer.session import Session, folder_of, new_folder, removed, sessions_in
+from saltus.explorer.session_lock import SessionLock
 
 if TYPE_CHECKING:
     from saltus.explorer.application import Application
@@ -51,6 +52,7 @@ class Office:
     def __init__(self, application: Application, subject: Subject | None, home: Path) -> None:
         self.application, self.subject, self.home = application, subject, home
         self._desks: dict[str, Desk] = {}
+        self._locks: dict[str, SessionLock] = {}
 
     def desk(self, name: str | None, system: str | None = None) -> Desk:
         """Return the desk of a session, reopened if it exists, else that of a new session.
@@ -65,15 +67,33 @@ class Office:
         Raises
         ------
         SaltusError
-            There is no such model, or the folder cannot be written.
+            There is no such model, another server has the session open, or the folder cannot be written.
         """
         if name is not None and name in self._desks:
             return self._desks[name]
         folder = folder_of(self.home, name)
-        session = self._new(system) if folder is None else Session.reopened(folder)
-        return self._opened(session)
+        if folder is None:
+            return self._opened(self._new(system))
+        self._lock(folder)
+        try:
+            return self._opened(Session.reopened(folder))
+        except SaltusError:
+            self._unlock(folder)
+            raise
+
+    def _lock(self, folder: Path) -> None:
+        """Keep other servers from a session."""
+        if folder.name not in self._locks:
+            lock = SessionLock(folder)
+            lock.take()
+            self._locks[folder.name] = lock
+
+    def _unlock(self, folder: Path) -> None:
+        if (lock := self._locks.pop(folder.name, None)) is not None:
+            lock.release()
 
     def _opened(self, session: Session) -> Desk:
+        self._lock(session.folder)
         desk = Desk(self.application, session)
         self._desks[session.folder.name] = desk
         session.keep()
@@ -134,6 +154,7 @@ class Office:
                 and notes["entries"]
                 and not notes.get("closed", True)
                 and folder.name not in self._desks
+                and SessionLock(folder).is_free
             ):
                 return folder.name
         return None
@@ -155,13 +176,23 @@ class Office:
         return [one for one in found if one.results or one.folder in self._desks]
 
     def delete(self, name: str) -> None:
-        """Delete a session with all its results; work for it is ended."""
-        desk, folder = self._desks.pop(name, None), folder_of(self.home, name)
+        """Delete a session with all its results; work for it is ended.
+
+        Raises
+        ------
+        InputError
+            Another server has it open.
+        """
+        folder = folder_of(self.home, name)
+        if folder is not None:
+            self._lock(folder)
+        desk = self._desks.pop(name, None)
         if desk is not None:
             desk.session.forgotten = True
             desk.close()
             desk.tell(DELETED, error=True)
         if folder is not None:
+            self._unlock(folder)
             removed(folder)
 
     def close(self) -> None:
@@ -177,3 +208,4 @@ class Office:
             desk.session.keep(closed=True)
         else:
             removed(desk.session.folder)
+        self._unlock(desk.session.folder)

@@ -13,6 +13,7 @@ from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.basin_search import Search, map_plane
 from saltus.explorer.desk import Desk, Listener, Work
+from saltus.explorer.kinds import kind_of, motion_step
 from saltus.explorer.live import Live
 from saltus.explorer.numerics import with_numerics
 from saltus.explorer.parameter_view import ParameterView
@@ -22,7 +23,7 @@ from saltus.explorer.points.stepping import stepped
 from saltus.explorer.points.view import PointView
 from saltus.explorer.points.wishes import Wishes
 from saltus.explorer.solutions import observable_of, traits_of
-from saltus.explorer.steps import Basin, FindEquilibrium, FindOrbit, Move, Place, Step, taken
+from saltus.explorer.steps import Basin, Place, Step, taken
 from saltus.explorer.views.action_view import ActionView, StartView
 from saltus.explorer.views.basin_view import BasinView
 from saltus.explorer.views.diagram_view import DiagramView
@@ -43,9 +44,8 @@ __all__ = ["Page"]
 
 _STOP = "Stop"  # what the button says before it was pressed
 _END = "End now"  # and after
+_PLANE = 2  # states of a plane of basins
 _LIVE_PACE = 8  # milliseconds between two looks for what is drawn while a slider moves
-_PERIODS = 60  # periods of the motion that a click on a cell runs
-_SPANS = 30.0  # periods of the selected orbit, of a system without a phase
 
 
 class Page(Listener):
@@ -77,6 +77,8 @@ class Page(Listener):
         self.equations = EquationsView(self.session, defined)
         self.space = SpaceView(self.session, self.diagram.colour)
         parts: dict[str, Any] = {"Basins": self.basins, "3-D": self.space, "Equations": self.equations}
+        if len(self.session.system.states) < _PLANE:
+            del parts["Basins"]
         self.orbit.tabs.extend([(name, part.panel) for name, part in parts.items()])
         self.parameters = ParameterView(self.session, self._values_changed, self._slides)
         self.numerics = NumericsView(self.session, self._settings_changed)
@@ -262,9 +264,7 @@ class Page(Listener):
         if x0 != settings.x0:
             settings.x0, settings.mode = x0, None
             self.parameters.show()
-        forced = self.session.system.phase is not None
-        lasts: dict[str, Any] = {"periods": max(round(span), 1)} if forced else {"t_end": span}
-        self.run(Move(parameters=self.session.changed(), x0=x0, mode=settings.mode, **lasts))
+        self.run(motion_step(self.session.system, self.session.changed(), x0, settings.mode, span))
 
     def _hidden_changed(self) -> None:
         self.diagrams.redraw()
@@ -295,11 +295,9 @@ class Page(Listener):
         """Run the motion from a start, for some periods."""
         basins = [entry for entry in self.session.entries if entry.step.noun == "basins"]
         parameters = dict(basins[-1].step.parameters) if basins and isinstance(basins[-1].step, Basin) else {}
-        solution, forced = self._selected(), self.session.system.phase is not None
-        span = getattr(solution, "period", 1.0) * _SPANS
-        step = Move(
-            parameters=parameters, x0=tuple(x0), periods=_PERIODS if forced else None, t_end=None if forced else span
-        )
+        system = self.session.system
+        span = kind_of(system).span_of_cell(self._selected())
+        step = motion_step(system, parameters, tuple(x0), None, span)
         before = [entry.name for entry in self.session.entries if entry.step.noun == "motion"]
         self.run(step, None, before[-1] if before else "")
 
@@ -398,8 +396,7 @@ class Page(Listener):
         """Find a first orbit where a session has nothing yet; of a smooth autonomous system an equilibrium."""
         self.desk.start()
         if not self.session.entries and not self.desk.busy:
-            settings, system = self.session.settings, self.session.system
-            find = FindOrbit if system.phase is not None or system.transitions else FindEquilibrium
+            settings, find = self.session.settings, kind_of(self.session.system).first
             self.run(find(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
         self._ready()
 

@@ -8,6 +8,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from saltus.explorer import look, widgets
+from saltus.explorer.kinds import kind_of
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Session
@@ -44,7 +45,7 @@ class ParameterView:
         self._starts = [self._start(name, value) for name, value in zip(names, session.settings.x0, strict=False)]
         modes = {"the first that the state allows": "", **{name: name for name in system.mode_names}}
         self._mode = widgets.choice("mode", modes, session.settings.mode or "", _WIDTH)
-        self._mode.visible = len(system.mode_names) > 1
+        self._mode.visible = len(system.mode_names) > 1 and kind_of(system).chosen_modes
         widgets.on_change(self._mode, lambda _: self._take())
         self._named = widgets.text("set-name", "name of a set", 150)
         save = widgets.button("Save", "save-set", tip="keep these values and the start under the name")

@@ -11,7 +11,7 @@ import numpy as np
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import look
 from saltus.explorer.colours import FAULTY, INK, colour_of, form_of
-from saltus.explorer.drawing import Drawn, drawn
+from saltus.explorer.drawing import Drawn, drawn, extent_of
 from saltus.plotting import style
 
 if TYPE_CHECKING:
@@ -53,16 +53,18 @@ def picture_of(session: Session, kind: str) -> BytesIO:
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     ax, named = figure.add_subplot(), _Named({}, {}, {})
     x, y = session.settings.axes
+    seen: list[np.ndarray] = []
     for number, entry in enumerate(session.entries):
         if entry.step.noun in _DRAWN and entry.name not in session.settings.hidden:
             with suppress(SaltusError):  # of other axes: the list of results says so
                 found = drawn(entry.result, (x, y))
+                seen.append(extent_of(found))
                 _draw(ax, found, entry.name, colour_of(number, entry.result), named)
     if not named.results:
         raise InputError("axes", f"{x}, {y}", "with a branch, a locus or a sweep to draw")
     ax.set(xlabel=style.label_of(x), ylabel=style.label_of(y))
-    drawn_x, drawn_y = (np.concatenate([np.ravel(line.get_data()[i]) for line in ax.lines]) for i in range(2))
-    ax.set(xlim=look.ends_of(drawn_x), ylim=look.ends_of(drawn_y))
+    across, upwards = np.vstack(seen).T
+    ax.set(xlim=look.ends_of(across), ylim=look.ends_of(upwards))
     legend = {name: handle for part in named for name, handle in part.items()}
     figure.legend(
         [*legend.values()], [*legend], loc="outside right upper", frameon=False, fontsize="small", handlelength=2.6

@@ -15,7 +15,7 @@ from saltus.system.parts import at_phases
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Map
 
 __all__ = ["Window", "directions", "full_start", "modes_on", "nullclines", "surfaces"]
 
@@ -244,6 +244,6 @@ def _rate(
     return rates
 
 
-def full_start(system: HybridSystem, x0: Sequence[float]) -> dict[str, float]:
+def full_start(system: HybridSystem | Map, x0: Sequence[float]) -> dict[str, float]:
     """Return a start by the names of all states; a phase that it leaves out is 0."""
     return dict.fromkeys(system.all_states, 0.0) | dict(zip(system.all_states, map(float, x0), strict=False))

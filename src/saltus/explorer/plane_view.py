@@ -13,9 +13,11 @@ import numpy as np
 
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
+from saltus.explorer.kinds import kind_of
 from saltus.explorer.live import Frame, Wish
 from saltus.explorer.plane import Window, directions, full_start, nullclines, surfaces
 from saltus.explorer.solutions import path_of
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Session
@@ -24,11 +26,10 @@ __all__ = ["LAYERS", "PlaneView", "colour_of_motion"]
 
 LAYERS = ("field", "nullclines", "surfaces", "live")  # what can be ticked
 _SHAPE = (330, 180)  # pixels of a portrait whose size is not yet known
-_PERIODS = 20.0  # how long a motion lasts at first: periods of the drive
-_TIME = 50.0  # or time, without one
-_LONGEST = 100_000.0  # periods or time
+_LONGEST = 100_000.0  # periods, time or iterations
 _NULLCLINES = ("#b8860b", "#2a8c82")  # colours: of the state to the right, of that upwards
 _SURFACE = "#7d3c98"
+_MOST_POINTS = 20_000  # points of a map's motion that are drawn
 _LIVE = "#e8820c"
 _CARRIED = "#1b1b1e"
 _MOTIONS = ("#2f6fb0", "#5b7f2b", "#b0413e", "#8a4b08", "#7d3c98", "#2a8c82")
@@ -60,11 +61,11 @@ class PlaneView:
         self._simulate = simulate
         self._values: dict[str, float] = dict(session.settings.parameters)
         self._sources = _glyphs(portrait, series)
-        self._boxes = {name: widgets.tick(name, name in session.settings.layers) for name in LAYERS}
+        kind = kind_of(session.system)
+        self._boxes = {name: widgets.tick(name, name in session.settings.layers) for name in kind.layers}
         for box in self._boxes.values():
             widgets.on_change(box, lambda _: self._ticked())
-        unit, first = ("periods", _PERIODS) if session.system.phase is not None else ("time", _TIME)
-        self._span = widgets.number(unit, first, 84, "span", ends=(1e-9, _LONGEST))
+        self._span = widgets.number(kind.unit, kind.span, 84, "span", ends=(1e-9, _LONGEST))
         go = widgets.button(
             "Simulate", "simulate", tip="the motion from the start; a click in the portrait starts there"
         )
@@ -85,7 +86,7 @@ class PlaneView:
     @property
     def live(self) -> bool:
         """Whether the motion is drawn while a slider moves."""
-        return bool(self._boxes["live"].value)
+        return "live" in self._boxes and bool(self._boxes["live"].value)
 
     @property
     def span(self) -> float:
@@ -136,7 +137,7 @@ class PlaneView:
         """Draw the direction field, nullclines and surfaces that are ticked, as far as the portrait shows the plane."""
         field, nulls, borders = (_no_rows(name) for name in LAYERS[:3])
         names, told = self._plane(), ""
-        wanted = [name for name in LAYERS[:3] if self._boxes[name].value]
+        wanted = [name for name in LAYERS[:3] if name in self._boxes and self._boxes[name].value]
         if wanted and names is None:
             told = "Field, nullclines and surfaces need two states as the portrait's axes."
         elif wanted and names is not None:
@@ -148,10 +149,10 @@ class PlaneView:
                 if "nullclines" in wanted:
                     nulls = _curves(
                         (curve, f"{look.bare_label(names[number])}′ = 0", _NULLCLINES[number])
-                        for number, curve in nullclines(self._session.system, window)
+                        for number, curve in nullclines(flowing(self._session.system), window)
                     )
                 if "surfaces" in wanted:
-                    found = [*surfaces(self._session.system, window)]
+                    found = [*surfaces(flowing(self._session.system), window)]
                     borders = _curves((curve, f"{name}: {event} = 0", _SURFACE) for name, event, curve in found)
                 told = self._where(names, [f"{name}: {event} = 0" for name, event, _ in found])
             except SaltusError as error:
@@ -169,7 +170,7 @@ class PlaneView:
     def _field(self, window: Window) -> dict[str, list[Any]]:
         known = self._portrait.properties_with_values(include_defaults=False)
         shape = known.get("inner_width") or _SHAPE[0], known.get("inner_height") or _SHAPE[1]
-        xs, ys, modes = directions(self._session.system, window, shape)
+        xs, ys, modes = directions(flowing(self._session.system), window, shape)
         told = [self._session.system.mode_names[mode] for mode in modes]
         return {"xs": xs, "ys": ys, "name": told, "colour": [look.colour_of_mode(mode) for mode in modes]}
 
@@ -199,23 +200,28 @@ class PlaneView:
     def draw_motions(self) -> list[np.ndarray]:
         """Draw the motions that are kept and ticked, and the start; return their places in the portrait."""
         tables: list[dict[str, list[Any]]] = [_no_rows("motions"), _no_rows("motions")]
-        settings, seen = self._session.settings, []
+        dots: list[dict[str, list[Any]]] = [{"x": [], "y": [], "colour": []} for _ in tables]
+        settings, seen, time = self._session.settings, [], kind_of(self._session.system).time
         chosen = None if settings.selected is None else settings.selected.of
         for entry in self._session.entries:
             if entry.step.noun != "motion" or entry.name in settings.hidden or entry.name == chosen:
                 continue
             x, y, over = settings.planes
             try:
-                paths = [path_of(entry.result, names).curves for names in ((x, y), ("t", over))]
+                both = [path_of(entry.result, names) for names in ((x, y), (time, over))]
             except SaltusError:  # the selected solution tells it
                 continue
             colour = colour_of_motion(self._session, entry.name)
-            for table, curves in zip(tables, paths, strict=True):
-                for key, value in _curves((curve, entry.name, colour) for curve in curves).items():
+            for table, dotted, path in zip(tables, dots, both, strict=True):
+                drawn = path.aids if path.points else path.curves
+                for key, value in _curves((curve, entry.name, colour) for curve in drawn).items():
                     table[key] += value
-            seen += paths[0]
-        for key, table in zip(("motions", "motions_over_time"), tables, strict=True):
-            self._sources[key].data = table
+                points = path.events[-_MOST_POINTS:] if path.points else path.events[:0]
+                for key, value in zip(dotted, (*points.T.tolist(), [colour] * len(points)), strict=True):
+                    dotted[key] += value
+            seen += [*both[0].curves, *([both[0].events] if both[0].points else [])]
+        for suffix, table, dotted in zip(("", "_over_time"), tables, dots, strict=True):
+            self._sources["motions" + suffix].data, self._sources["visits" + suffix].data = table, dotted
         self._draw_start()
         return seen
 
@@ -296,6 +302,10 @@ def _glyphs(portrait: Any, series: Any) -> dict[str, Any]:
     for name, (figure, look_of) in forms.items():
         made[name] = ColumnDataSource(_no_rows(name))
         figure.multi_line("xs", "ys", source=made[name], line_color="colour", name=name, **look_of)
+    for suffix, figure in (("", portrait), ("_over_time", series)):
+        name = "visits" + suffix
+        made[name] = ColumnDataSource({"x": [], "y": [], "colour": []})
+        figure.scatter("x", "y", source=made[name], size=3, color="colour", level="underlay", name=name)
     for name, colour, width in (("live", _LIVE, 1.0), ("carried", _CARRIED, 2.2)):
         for suffix, figure in (("", portrait), ("_over_time", series)):
             made[name + suffix] = ColumnDataSource({"x": [], "y": []})

@@ -85,7 +85,7 @@ def _page_of(office: Office) -> Callable[[], Any]:
         try:
             desk = office.desk(asked.get("session"), asked.get("system"))
         except SaltusError as error:
-            return pn.pane.HTML(f"<p>{escape(str(error))}</p>")
+            return pn.pane.HTML(f'<p class="refused">{escape(str(error))}</p><p><a href="?">New session</a></p>')
         with uncollected(), pn.state.curdoc.models.freeze():
             from saltus.explorer.page import Page
             from saltus.explorer.views.session_view import SessionView

@@ -15,6 +15,7 @@ from uuid import uuid4
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
+from saltus.explorer.colours import colour_of
 from saltus.explorer.numerics import Numerics
 from saltus.explorer.solutions import observable_of
 from saltus.explorer.steps import Place, Step, Sweep, step_from
@@ -24,7 +25,7 @@ from saltus.result import READ, SESSION, load, netcdf, reading, result_in, tagge
 
 if TYPE_CHECKING:
     from saltus.result import Result
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Map
 
 __all__ = ["Entry", "Session", "Settings", "folder_of", "new_folder", "removed", "sessions_in", "told_end"]
 
@@ -90,10 +91,9 @@ class Session:
 
     def __init__(self, subject: Subject, folder: Path) -> None:
         self.subject, self.folder = subject, folder
-        self.system: HybridSystem = subject.system
+        self.system: HybridSystem | Map = subject.system
         self.entries: list[Entry] = []
-        states = len(self.system.states)
-        self.settings = Settings(dict(self.system.parameters), subject.x0 or (0.0,) * states)
+        self.settings = Settings(dict(self.system.parameters), subject.start)
         self.name = ""
         self._written: set[str] = set()
         self.forgotten = False
@@ -318,13 +318,14 @@ class Session:
 
     def _plot_text(self, entry: Entry) -> str:
         """Return Python that draws a result on the diagram's axes, up to the closing bracket; empty where none does."""
+        colour = f"colour={colour_of(self.entries.index(entry), entry.result)!r}"
         if entry.step.noun in ("branch", "locus"):
-            return f"{entry.name}.plot({', '.join(map(repr, self.settings.axes))}"
+            return f"{entry.name}.plot({', '.join(map(repr, self.settings.axes))}, {colour}"
         if not isinstance(entry.step, Sweep) or self.settings.axes[:1] != (entry.step.parameter,):
             return ""
         seen = observable_of(self.settings.axes[1], self.system)
         known = (*self.system.states, *entry.step.observables)
-        return f"{entry.name}.plot({seen!r}" if seen in known else ""
+        return f"{entry.name}.plot({seen!r}, {colour}" if seen in known else ""
 
     def script(self) -> str:
         """Return Python that computes everything that the session has, and draws its diagram.
@@ -348,7 +349,7 @@ class Session:
         plots = [told for entry in drawn if (told := self._plot_text(entry))]
         if plots:
             lines += ["", f"ax = {plots[0]})"]
-            lines += [f"{told}{', ' if told[-1] != '(' else ''}ax=ax, legend=False)" for told in plots[1:]]
+            lines += [f"{told}, ax=ax, legend=False)" for told in plots[1:]]
             lines += ['ax.figure.savefig("diagram.png", dpi=200)']
         return "\n".join(lines) + "\n"
 

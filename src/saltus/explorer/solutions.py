@@ -11,19 +11,33 @@ import numpy as np
 
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
+from saltus.explorer.kinds import kind_of
+from saltus.explorer.visits import Path, names_of, visited
 from saltus.flow import Trajectory
+from saltus.maps import Iterates, MapOrbit
 from saltus.orbits import PeriodicOrbit
 from saltus.plotting.linear_motions import linear_motions
 from saltus.plotting.orbit import segments_of, unwrapped_parts
 from saltus.plotting.trajectory import flights_of
 from saltus.solution import Solution
+from saltus.system import Map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.system import HybridSystem, Map
+    from saltus.system import HybridSystem
 
-__all__ = ["EXTREMES", "Path", "Traits", "observable_of", "path_of", "quantity_of", "readings_of", "traits_of"]
+__all__ = [
+    "EXTREMES",
+    "Path",
+    "Traits",
+    "observable_of",
+    "path_of",
+    "quantities_in_plane",
+    "quantity_of",
+    "readings_of",
+    "traits_of",
+]
 
 EXTREMES = ("min", "max")
 _ZERO = 1e-12  # size of a mean, over that of the extremes, below which it is rounding
@@ -36,7 +50,9 @@ class Traits:
     what: str = ""  # what a branch through it is a branch of, as ``"orbit"``; empty where none can be followed
     spectrum: str = ""  # what the numbers are called that decide whether it is stable
     values: NDArray[np.complex128] = field(default_factory=lambda: np.empty(0, complex))  # these numbers
-    interval: float = 2.0 * np.pi  # time between two looks at motions nearby, where the system has no phase
+    interval: float = 2.0 * np.pi  # time between two looks at motions nearby, where time has no unit of its own
+    circle: bool = False  # whether a modulus of 1 of these numbers is critical, and not a real part of 0
+    point: str = "event"  # what a point is that is marked on its curves
 
 
 @singledispatch
@@ -47,24 +63,24 @@ def traits_of(solution: Any) -> Traits:
 
 @traits_of.register
 def _(orbit: PeriodicOrbit) -> Traits:
-    return Traits("orbit", "Floquet multipliers", orbit.multipliers, float(orbit.period))
+    return Traits("orbit", "Floquet multipliers", orbit.multipliers, float(orbit.period), circle=True)
 
 
 @traits_of.register
 def _(rest: Equilibrium) -> Traits:
     fastest = float(np.abs(rest.eigenvalues).max())
-    return Traits("equilibrium", "Eigenvalues", rest.eigenvalues, 2.0 * np.pi / fastest if fastest > 0.0 else 1.0)
+    interval = 2.0 * np.pi / fastest if fastest > 0.0 else 1.0
+    return Traits("equilibrium", "Eigenvalues", rest.eigenvalues, interval, point="equilibrium")
 
 
-@dataclass(frozen=True)
-class Path:
-    """A motion as curves in some quantities."""
+@traits_of.register
+def _(orbit: MapOrbit) -> Traits:
+    return Traits("map_orbit", "Multipliers", orbit.multipliers, circle=True, point="point")
 
-    # shape (vertex, name): the curve, cut at events and where an angle passes 2 pi
-    curves: list[NDArray[np.float64]] = field(default_factory=list)
-    modes: list[int] = field(default_factory=list)  # the mode of each curve
-    # shape (event, name): where events are; of what does not flow, as an equilibrium, where it is
-    events: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+
+@traits_of.register
+def _(motion: Iterates) -> Traits:
+    return Traits(point="point")
 
 
 @singledispatch
@@ -110,6 +126,16 @@ def _(motion: Trajectory, names: Sequence[str]) -> Path:
 def _(rest: Equilibrium, names: Sequence[str]) -> Path:
     curves, mode = linear_motions(rest, names), rest.system.mode_index(rest.mode)
     return Path(curves, [mode] * len(curves), _at_rest(rest, names))
+
+
+@path_of.register
+def _(orbit: MapOrbit, names: Sequence[str]) -> Path:
+    return visited(orbit, names, closed=True)
+
+
+@path_of.register
+def _(motion: Iterates, names: Sequence[str]) -> Path:
+    return visited(motion, names, closed=False)
 
 
 @path_of.register
@@ -184,6 +210,14 @@ def _(solution: Solution, instrument: Callable[[Any], Mapping[str, Any]]) -> Map
 
 
 @readings_of.register
+def _(motion: Iterates, instrument: Callable[[Any], Mapping[str, Any]]) -> Mapping[str, Any]:
+    names = [*motion.system.states, *motion.system.output_names]
+    found = motion.observe(*(f"{kind}({name})" for name in names for kind in (*EXTREMES, "mean")))
+    ends = zip(motion.system.states, motion.x_end.tolist(), strict=True)
+    return {**{f"{name} at the end": x for name, x in ends}, **found, **motion.parameters}
+
+
+@readings_of.register
 def _(motion: Trajectory, instrument: Callable[[Any], Mapping[str, Any]]) -> Mapping[str, Any]:
     ends = zip(motion.system.all_states, motion.x_end.tolist(), strict=True)
     return {**{f"{name} at the end": x for name, x in ends}, "events": len(motion.events), **motion.parameters}
@@ -194,6 +228,25 @@ def observable_of(name: str, system: HybridSystem | Map) -> str:
     extreme, _, whose = name.partition("_")
     known = (*system.states, *system.output_names)
     return f"{extreme}({whose})" if extreme in EXTREMES and whose in known else name
+
+
+@singledispatch
+def quantities_in_plane(system: Any) -> list[str]:
+    """Return names of quantities that the axes of a portrait offer, time first.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem
+    >>> quantities_in_plane(HybridSystem.smooth({"x": "v", "v": "-x"}))
+    ['t', 'x', 'v']
+    """
+    phase = [] if system.phase is None else [system.phase[0]]
+    return [kind_of(system).time, *system.states, *phase, *system.output_names]
+
+
+@quantities_in_plane.register
+def _(system: Map) -> list[str]:
+    return names_of(system)
 
 
 def quantity_of(solution: Any, name: str) -> float:
@@ -225,6 +278,11 @@ def quantity_of(solution: Any, name: str) -> float:
 @singledispatch
 def _observed(solution: Any, name: str) -> float:
     raise InputError("axis", name, "a parameter, a state or an extreme of it")
+
+
+@_observed.register
+def _(orbit: MapOrbit, name: str) -> float:
+    return float(orbit.output(name)[0])
 
 
 @_observed.register

@@ -1,24 +1,26 @@
-"""Systems that can be explored: a model by its key, one in a file of the user, or one at hand."""
+"""Systems and maps that can be explored: a model by its key, one in a file of the user, or one at hand."""
 
 from __future__ import annotations
 
 import json
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from saltus.config_files import attribute_of
 from saltus.errors import InputError
-from saltus.system import HybridSystem
-
-if TYPE_CHECKING:
-    from saltus.system import Map
+from saltus.explorer.kinds import kind_of
+from saltus.system import HybridSystem, Map
+from saltus.system.plain import system_from
 
 __all__ = ["Subject", "definition_of", "of_file", "of_system", "of_text", "system_of"]
 
+_SYSTEMS = (HybridSystem, Map)
+_ALLOWED = "a HybridSystem or a Map"
+
 
 class Subject(NamedTuple):
-    """A system to explore.
+    """A system or a map to explore.
 
     Attributes
     ----------
@@ -29,7 +31,7 @@ class Subject(NamedTuple):
     lines : tuple of str
         Python that makes the system, under the name ``system``.
     x0 : tuple of float
-        A state at which to start; empty for zeros.
+        A state at which to start; empty for that of its kind.
     ranges : mapping of str to (float, float)
         Ranges of parameters in which it is of interest.
     """
@@ -41,24 +43,29 @@ class Subject(NamedTuple):
     ranges: dict[str, tuple[float, float]] = {}  # noqa: RUF012  # a named tuple's default, which nobody changes
 
     @property
-    def system(self) -> HybridSystem:
+    def start(self) -> tuple[float, ...]:
+        """The state at which to start."""
+        return self.x0 or (kind_of(self.system).start,) * len(self.system.states)
+
+    @property
+    def system(self) -> HybridSystem | Map:
         """The system itself."""
         return system_of(self.definition)
 
 
 @lru_cache(maxsize=16)
-def system_of(definition: str) -> HybridSystem:
-    """Return the system of a definition in JSON.
+def system_of(definition: str) -> HybridSystem | Map:
+    """Return the system or the map of a definition in JSON.
 
     Examples
     --------
     >>> system_of(of_system(HybridSystem.smooth({"x": "v", "v": "-sin(x)"})).definition).states
     ('x', 'v')
     """
-    return HybridSystem.from_definition(json.loads(definition))
+    return system_from(json.loads(definition))
 
 
-def definition_of(system: HybridSystem) -> str:
+def definition_of(system: HybridSystem | Map) -> str:
     """Return the definition of a system as JSON."""
     return json.dumps(system.definition())
 
@@ -69,11 +76,11 @@ def of_system(system: HybridSystem | Map, key: str = "") -> Subject:
     Raises
     ------
     InputError
-        It is no hybrid system.
+        It is neither a hybrid system nor a map.
     """
-    if not isinstance(system, HybridSystem):
-        raise InputError("system", type(system).__name__, "a HybridSystem", "a Map has `diagram` and `plot`")
-    lines = ("import saltus", "", f"system = saltus.HybridSystem.from_definition({system.definition()!r})")
+    if not isinstance(system, _SYSTEMS):
+        raise InputError("system", type(system).__name__, _ALLOWED)
+    lines = ("import saltus", "", f"system = saltus.{type(system).__name__}.from_definition({system.definition()!r})")
     return Subject(key or system.name or "system", definition_of(system), lines)
 
 
@@ -123,8 +130,8 @@ def of_file(reference: str, folder: Path) -> Subject:
     else:
         home, module = folder.absolute(), place
     system = attribute_of(f"{module}:{name}", home, "SYSTEM")
-    if not isinstance(system, HybridSystem):
-        raise InputError("SYSTEM", reference, f"a HybridSystem; {name} is of type {type(system).__name__}")
+    if not isinstance(system, _SYSTEMS):
+        raise InputError("SYSTEM", reference, f"{_ALLOWED}; {name} is of type {type(system).__name__}")
     lines = (
         "import sys",
         "",

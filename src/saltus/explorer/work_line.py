@@ -46,6 +46,8 @@ def line_of(work: Work) -> str:
         told += f" {progress.done}{f' of {progress.total}' if progress.total else ''} {escape(progress.text)}".rstrip()
         if progress.left is not None and progress.left >= _SHORTEST:
             told += f", {duration_text(progress.left)} left"
+    if work.silent:
+        told += f", without news for {work.silent} s"
     if work.stopping:
         told += ", stopping"
     if work.waiting:

@@ -67,6 +67,7 @@ def plot_branch(
     ax: Axes | None = None,
     special: bool = True,
     legend: bool = True,
+    colour: str | None = None,
 ) -> Axes:
     """Draw a branch and return the matplotlib Axes.
 
@@ -86,17 +87,19 @@ def plot_branch(
         Where to draw; by default in a new figure.
     special, legend : bool, optional
         Whether special points are drawn, and whether a legend names line kinds and special points.
+    colour : str, optional
+        Colour of the curve where it is a motion of the system, as matplotlib takes it; by default black.
 
     Raises
     ------
     InputError
-        A quantity of another name.
+        A quantity of another name, or no colour.
     """
     style.check_options(ax, x, y, special=special, legend=legend)
     if branch.fixed is not None:
         x, y = x or branch.fixed.free or "period", y or branch.parameter
     x, y = default_axes(branch.system, branch.parameter, x, y)
-    return draw_branch([branch], x, y, ax, special=special, legend=legend)
+    return draw_branch([branch], x, y, ax, special=special, legend=legend, colour=colour)
 
 
 @plot.register(OneParameter)
@@ -108,6 +111,7 @@ def plot_any_branch(
     ax: Axes | None = None,
     special: bool = True,
     legend: bool = True,
+    colour: str | None = None,
 ) -> Axes:
     """Draw a branch of equilibria, or of any other kind of solution, and return the matplotlib Axes.
 
@@ -124,25 +128,28 @@ def plot_any_branch(
         Where to draw; by default in a new figure.
     special, legend : bool, optional
         Whether special points are drawn, and whether a legend names line kinds and special points.
+    colour : str, optional
+        Colour of the curve where it is a motion of the system, as matplotlib takes it; by default black.
 
     Raises
     ------
     InputError
-        A quantity of another name.
+        A quantity of another name, or no colour.
     """
     style.check_options(ax, x, y, special=special, legend=legend)
     x = branch.parameter if x is None else x
     y = [*branch.system.output_names, *branch.system.states][0] if y is None else y
-    return draw_branch([branch], x, y, ax, special=special, legend=legend)
+    return draw_branch([branch], x, y, ax, special=special, legend=legend, colour=colour)
 
 
 def draw_branch(
-    branches: Sequence[OneParameter[Any]], x: str, y: str, ax: Axes | None, *, special: bool, legend: bool
-) -> Axes:
+    branches: Sequence[OneParameter[Any]], x: str, y: str, ax: Axes | None, *, special: bool, legend: bool,
+    colour: str | None = None,
+) -> Axes:  # fmt: skip
     """Draw a branch; the options are those of `plot_branch`, checked. One of cycles is given once for each point."""
     pieces = [piece for branch in branches for piece in pieces_of(branch, x, y)]
     ax = style.axes(ax)
-    draw_pieces(ax, pieces)
+    draw_pieces(ax, pieces, colour)
     if special:
         for branch in branches:
             draw_special(ax, branch, x, y)
@@ -160,12 +167,12 @@ def default_axes(system: HybridSystem, parameter: str, x: str | None, y: str | N
     return parameter if x is None else x, y
 
 
-def draw_pieces(ax: Axes, pieces: Iterable[Piece]) -> None:
+def draw_pieces(ax: Axes, pieces: Iterable[Piece], colour: str | None = None) -> None:
     """Draw pieces in the line styles of their kinds; each kind has one label for the legend."""
     named: set[str] = set()
     for piece in sorted(pieces, key=lambda piece: [*style.LINES].index(piece.kind)):
         label = "_" if piece.kind in named else piece.kind
-        ax.plot(piece.x, piece.y, label=label, **style.LINES[piece.kind])
+        ax.plot(piece.x, piece.y, label=label, **style.line_of(piece.kind, colour))
         named.add(piece.kind)
 
 

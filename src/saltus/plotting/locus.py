@@ -29,6 +29,7 @@ def plot_locus(
     ax: Axes | None = None,
     special: bool = True,
     legend: bool = True,
+    colour: str | None = None,
 ) -> Axes:
     """Draw a locus of orbits, of equilibria or of orbits of a map and return the matplotlib Axes.
 
@@ -48,11 +49,13 @@ def plot_locus(
         Where to draw, in space if `z` is given; by default in a new figure.
     special, legend : bool, optional
         Whether special points are drawn, and whether a legend names the locus and its special points.
+    colour : str, optional
+        Colour of the curve where it is a motion of the system, as matplotlib takes it; by default that of its type.
 
     Raises
     ------
     InputError
-        A quantity of another name, or `z` with axes in the plane.
+        A quantity of another name, `z` with axes in the plane, or no colour.
     """
     style.check_options(ax, x, y, z, special=special, legend=legend)
     names = [locus.names[0] if x is None else x, locus.names[1] if y is None else y]
@@ -62,9 +65,7 @@ def plot_locus(
     ax = _axes(ax, deep=z is not None)
     named: set[str] = set()
     for stretch in stretches:
-        options = dict(style.LINES[stretch.kind])
-        if stretch.kind not in style.FAULTY:
-            options["color"] = style.SPECIAL.get(locus.type, style.EVENT).colour
+        options = style.line_of(stretch.kind, colour or style.SPECIAL.get(locus.type, style.EVENT).colour)
         label = "_" if stretch.kind in named else _meaning(locus, stretch.kind)
         ax.plot(*stretch.places, label=label, **options)
         named.add(stretch.kind)

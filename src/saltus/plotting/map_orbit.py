@@ -105,6 +105,7 @@ def plot_map_branch(
     ax: Axes | None = None,
     special: bool = True,
     legend: bool = True,
+    colour: str | None = None,
 ) -> Axes:
     """Draw a branch of orbits of a map and return the matplotlib Axes.
 
@@ -122,16 +123,18 @@ def plot_map_branch(
         Where to draw; by default in a new figure.
     special, legend : bool, optional
         Whether special points are drawn, and whether a legend names line kinds and special points.
+    colour : str, optional
+        Colour of the curve where it is a motion of the system, as matplotlib takes it; by default black.
 
     Raises
     ------
     InputError
-        A quantity of another name.
+        A quantity of another name, or no colour.
     """
     style.check_options(ax, x, y, special=special, legend=legend)
     x = branch.parameter if x is None else x
     y = [*branch.system.output_names, *branch.system.states][0] if y is None else y
-    drawn = draw_branch(at_each_point(branch), x, y, ax, special=special, legend=legend)
+    drawn = draw_branch(at_each_point(branch), x, y, ax, special=special, legend=legend, colour=colour)
     if ax is None and x == branch.parameter:
         leave_out_the_unbounded(drawn, [branch], y)
     return drawn

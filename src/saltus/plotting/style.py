@@ -30,9 +30,11 @@ __all__ = [
     "axes",
     "check_matplotlib",
     "check_options",
+    "chosen_colour",
     "colour_of_mode",
     "draw_legend",
     "label_of",
+    "line_of",
     "new_figure",
     "plain",
     "publication",
@@ -158,6 +160,33 @@ def check_options(ax: object, *names: object, **flags: object) -> None:
             checks.text("quantity", name, "the name of a quantity")
     for name, value in flags.items():
         checks.flag(name, value)
+
+
+def chosen_colour(colour: str | None, own: str) -> str:
+    """Return a colour that was asked for, or its own one where none was.
+
+    Raises
+    ------
+    InputError
+        It is no colour of matplotlib.
+    """
+    from matplotlib.colors import is_color_like
+
+    if colour is not None and not is_color_like(colour):
+        raise InputError("colour", colour, "a colour of matplotlib, as '#2f6fb0'")
+    return own if colour is None else colour
+
+
+def line_of(kind: str, colour: str | None = None) -> dict[str, Any]:
+    """Return the options of a line of a kind; in a colour of one's own unless it is no motion of the system.
+
+    Raises
+    ------
+    InputError
+        It is no colour of matplotlib.
+    """
+    own = dict(LINES[kind])
+    return own if kind in FAULTY else own | {"color": chosen_colour(colour, own["color"])}
 
 
 def axes(ax: Axes | None) -> Axes:

@@ -50,6 +50,7 @@ def plot_sweep(
     panels: Iterable[str] | None = None,
     ax: Axes | None = None,
     legend: bool = True,
+    colour: str | None = None,
 ) -> Axes:
     """Draw a brute-force diagram and return the matplotlib Axes of its points.
 
@@ -66,11 +67,13 @@ def plot_sweep(
         Where to draw; by default in a new figure.
     legend : bool, optional
         Whether a legend names passes and labels.
+    colour : str, optional
+        Colour of the points, as matplotlib takes it; by default one for each pass.
 
     Raises
     ------
     InputError
-        A quantity that was not recorded, a panel of another name, or panels in given Axes.
+        A quantity that was not recorded, a panel of another name, panels in given Axes, or no colour.
     """
     style.check_options(ax, y, legend=legend)
     name = sweep.quantities[0] if y is None else y
@@ -81,7 +84,7 @@ def plot_sweep(
     if ax is not None and chosen:
         raise InputError("panels", list(chosen), "left out where Axes are given", "they have axes of their own")
     axes = _new_axes(sweep, chosen) if ax is None else [ax]
-    _draw_points(axes[0], sweep, column)
+    _draw_points(axes[0], sweep, column, colour)
     axes[0].set_ylabel(style.label_of(name))
     for panel, own in zip(chosen, axes[1:], strict=True):
         if panel == "labels":
@@ -89,7 +92,7 @@ def plot_sweep(
         else:
             _draw_exponent(own, sweep)
     axes[-1].set_xlabel(style.label_of(sweep.parameter))
-    if legend and len(sweep.directions) > 1:
+    if legend and colour is None and len(sweep.directions) > 1:
         _name_directions(axes[0], sweep)
     return axes[0]
 
@@ -110,7 +113,7 @@ def _new_axes(sweep: Sweep, panels: tuple[str, ...]) -> list[Axes]:
     return list(axes[:, 0])
 
 
-def _draw_points(ax: Axes, sweep: Sweep, column: NDArray[np.float64]) -> None:
+def _draw_points(ax: Axes, sweep: Sweep, column: NDArray[np.float64], colour: str | None) -> None:
     """Draw the points of each pass over those of the pass before; the fewer points, the larger they are."""
     share = max(float(np.sum(np.isfinite(column))) / len(sweep.directions), 1.0)
     size = float(np.clip(3.0 - 0.42 * np.log10(share), 0.5, 2.2))
@@ -119,7 +122,8 @@ def _draw_points(ax: Axes, sweep: Sweep, column: NDArray[np.float64]) -> None:
         places = np.broadcast_to(sweep.values.reshape(-1, *(1,) * (values.ndim - 1)), values.shape)
         ax.plot(
             places.ravel(), values.ravel(), linestyle="none", marker=".", markersize=2.0 * size, markeredgewidth=0.0,
-            color=_DIRECTIONS[direction], alpha=0.75, rasterized=values.size > 20_000, gid=direction,
+            color=style.chosen_colour(colour, _DIRECTIONS[direction]), alpha=0.75, rasterized=values.size > 20_000,
+            gid=direction,
         )  # fmt: skip
     edge = 0.01 * max(float(np.ptp(sweep.values)), 1e-300)
     ax.set_xlim(float(sweep.values[0]) - edge, float(sweep.values[-1]) + edge)

@@ -42,3 +42,10 @@ def test_where_there_is_no_room_a_label_stands_nevertheless():
 
 def test_empty_labels_take_no_room():
     assert places_beside([(50.0, 50.0)] * 2, ["", "SN1"], SIZE)[1] == Beside("left", 8.0, -4.0)
+
+
+def test_a_label_without_a_free_place_says_so():
+    found = places_beside([(300.0, 200.0)] * 20, ["SN1"] * 20, (600.0, 400.0))
+    free = [place for place in found if place.free]
+    assert 1 < len(free) < 20
+    assert len({*free}) == len(free)

@@ -55,3 +55,35 @@ def test_hidden_results_are_not_drawn(view, session):
     session.settings.hidden = {"branch1"}
     view.redraw()
     assert {*view._tables["curves"].data["name"]} == {"locus1"}
+
+
+def boxes_of(view) -> list[tuple[float, float, float, float]]:
+    """Return left, right, top and bottom of each label that is written, in pixels; a letter has 6, a line 12."""
+    across, down = 600.0 / 3.8, 340.0 / 3.8
+    found = []
+    for name in ("ends", "marks"):
+        told = view._tables[name].data
+        columns = (told[key] for key in ("u", "v", "label", "align", "aside", "below"))
+        for u, v, label, align, aside, below in zip(*columns, strict=True):
+            x, y, wide = (u + 1.9) * across + aside, (1.9 - v) * down + below, 6.0 * len(label)
+            left = x if align == "left" else x - wide
+            if label:
+                found.append((left, left + wide, y - 12.0, y))
+    return found
+
+
+def overlaps(boxes) -> int:
+    pairs = ((a, b) for i, a in enumerate(boxes) for b in boxes[:i])
+    return sum(a[0] < b[1] and b[0] < a[1] and a[2] < b[3] and b[2] < a[3] for a, b in pairs)
+
+
+@pytest.mark.parametrize("azimuth", [-58.0, 0.0, 45.0, 90.0, 137.0])
+@pytest.mark.parametrize("elevation", [24.0, 0.0, 90.0])
+def test_no_label_stands_on_another_from_wherever_space_is_seen(view, azimuth, elevation):
+    view._view.data = {"azimuth": [azimuth], "elevation": [elevation]}
+    told = view._tables["marks"].data
+    places = np.array([told[axis] for axis in "xyz"])
+    assert np.array([told["u"], told["v"]]) == pytest.approx(projected(places, azimuth, elevation))
+    boxes = boxes_of(view)
+    assert len(boxes) > 9  # texts of the axes, and some marks
+    assert overlaps(boxes) == 0

@@ -29,18 +29,18 @@ _TOLD = ("tip",)  # columns of values besides their places
 _ARROW = ("angle", "text", "align", "aside", "below")  # columns of arrows
 
 
-def far_from(values: NDArray[np.complex128], what: str) -> NDArray[np.bool_]:
+def far_from(values: NDArray[np.complex128], *, circle: bool) -> NDArray[np.bool_]:
     """Return which values are so far away that the others could not be told apart beside them; shape (value,).
 
     Parameters
     ----------
     values : ndarray of complex, shape (value,)
         Multipliers or eigenvalues.
-    what : str
-        What the solution is, ``"orbit"`` or ``"equilibrium"``.
+    circle : bool
+        Whether they are multipliers.
     """
     sizes = np.abs(values)
-    if what == "orbit":
+    if circle:
         return ~(sizes <= _FAR)
     seen = sizes[np.isfinite(sizes) & (sizes > 0.0)]
     return ~(sizes <= _APART * (float(seen.min()) if seen.size else 1.0))
@@ -79,14 +79,13 @@ class SpectrumView:
     def show(self, traits: Traits) -> None:
         """Show the numbers of a solution."""
         values = traits.values
-        far = far_from(values, traits.what)
+        far = far_from(values, circle=traits.circle)
         near = values[~far]
         texts = [look.complex_text(value) for value in near]
         self.values.data = {"x": near.real.tolist(), "y": near.imag.tolist(), "tip": texts}
-        orbit = traits.what == "orbit"
-        reach = np.abs([*near.real, *near.imag]).max(initial=1.0 if orbit else 0.0)
+        reach = np.abs([*near.real, *near.imag]).max(initial=1.0 if traits.circle else 0.0)
         half = _ROOM * (float(reach) or 1.0)
-        self._border.data = _line(orbit, half if values.size else 0.0)
+        self._border.data = _line(half if values.size else 0.0, circle=traits.circle)
         self.arrows.data = _arrows(values[far], half)
         self.figure.title.text = traits.spectrum + ("; arrows lead outside" if far.any() else "")
         look.fit(self.figure, [-half, half], [-half, half], 0.0)
@@ -98,9 +97,9 @@ def _columns(*names: str) -> dict[str, list[Any]]:
     return {name: [] for name in ("x", "y", *names)}
 
 
-def _line(orbit: bool, half: float) -> dict[str, list[float]]:
+def _line(half: float, *, circle: bool) -> dict[str, list[float]]:
     """Return the border of stability: the unit circle of orbits, the imaginary axis of equilibria."""
-    if orbit:
+    if circle:
         return {"x": np.cos(_CIRCLE).tolist(), "y": np.sin(_CIRCLE).tolist()}
     return {"x": [0.0, 0.0], "y": [-half, half]}
 

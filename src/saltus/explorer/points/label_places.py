@@ -19,12 +19,13 @@ class Beside(NamedTuple):
     align: str  # ``"left"``: it begins at the place
     aside: float  # pixels from the mark to the place, to the right
     below: float  # pixels from the mark to the label's lower edge, downwards
+    free: bool = True  # whether no other label stands there
 
 
 def places_beside(
     marks: Sequence[tuple[float, float]], labels: Sequence[str], size: tuple[float, float]
 ) -> list[Beside]:
-    """Return where the labels of marks stand; one that has no free place stands on others.
+    """Return where the labels of marks stand; one that has no free place stands on others, and says so.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def places_beside(
         ]
         within = [(place, box) for place, box in tried if _is_within(box, size)] or tried
         free = (pair for pair in within if not any(_overlap(pair[1], other) for other in taken))
-        place, box = next(free, within[0])
+        place, box = next(free, (within[0][0]._replace(free=False), within[0][1]))
         if label:
             taken.append(box)
         found.append(place)

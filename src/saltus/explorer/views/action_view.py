@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from saltus.errors import InputError
 from saltus.explorer import widgets
 from saltus.explorer.choices import Choices, choices_at
+from saltus.explorer.kinds import kind_of
 from saltus.explorer.range_field import RangeField
 from saltus.explorer.steps import (
     Cascade,
@@ -17,6 +18,7 @@ from saltus.explorer.steps import (
     FindOrbit,
     Follow,
     Place,
+    SolveOrbit,
     Step,
     Sweep,
     Switch,
@@ -61,20 +63,30 @@ class StartView:
         widgets.on_click(orbit, lambda: run(FindOrbit(**self._given())))
         rest = widgets.button("Find equilibrium", "find-equilibrium", tip="near the start")
         widgets.on_click(rest, lambda: run(FindEquilibrium(**self._given())))
-        rest.visible = session.system.phase is None
+        self._period = widgets.count("period", 1, 62, (1, 1000), "period")
+        near = widgets.button("Solve orbit", "solve-orbit", tip="near the start, stable or not, of so many points")
+        widgets.on_click(near, _careful(self._solve, tell))
+        nearby = kind_of(session.system).nearby
+        rest.visible, near.visible, self._period.visible = nearby == "equilibrium", *[nearby == "orbit"] * 2
         self._range = RangeField(session, "sweep", 118)
         self._count = widgets.count("values", 200, 76, (2, 10_000), "sweep-values")
         self._direction = widgets.choice("direction", ["up", "down"], "up", 76, "select-direction")
         sweep = widgets.button("Sweep", "sweep", tip="follow the attractor by simulation, from the start")
         widgets.on_click(sweep, _careful(self._sweep, tell))
         self.panel = widgets.column(
-            widgets.row(orbit, rest, wrap=True), widgets.row(self._range.chooser, self._count),
+            widgets.row(orbit, rest, near, self._period, wrap=True), widgets.row(self._range.chooser, self._count),
             widgets.row(*self._range.ends), widgets.row(self._direction, sweep),
         )  # fmt: skip
 
     def _given(self) -> dict[str, Any]:
         settings = self._session.settings
         return {"parameters": self._session.changed(), "x0": settings.x0, "mode": settings.mode}
+
+    def _solve(self) -> None:
+        if self._period.value is None:
+            raise InputError("period", "empty", "a whole number")
+        given = {name: value for name, value in self._given().items() if name != "mode"}
+        self._run(SolveOrbit(period=int(self._period.value), **given))
 
     def _sweep(self) -> None:
         if self._count.value is None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.explorer import look, widgets
+from saltus.explorer.kinds import kind_of
 from saltus.explorer.solutions import traits_of
 from saltus.plotting.basin import colours_of, labelled_image, percent, places_of
 
@@ -85,8 +86,8 @@ class BasinView:
 
     @property
     def interval(self) -> float | None:
-        """Time between two looks at a motion of a system without a phase: a period of the solution."""
-        return traits_of(self._solution).interval if self._session.system.phase is None else None
+        """Time between two looks at a motion where time has no unit of its own: a period of the solution."""
+        return traits_of(self._solution).interval if kind_of(self._session.system).own_time else None
 
     def _frame(self) -> None:
         """Set the ranges to the surroundings of the orbit."""

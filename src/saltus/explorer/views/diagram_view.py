@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.errors import SaltusError
 from saltus.explorer import colours, look, widgets
-from saltus.explorer.drawing import Drawn, default_axes, drawn, quantities_of
+from saltus.explorer.drawing import Drawn, default_axes, drawn, extent_of, quantities_of
 from saltus.explorer.figures.pointer import TOGETHER, tell_at_pointer
 from saltus.explorer.following import followed_axes, told_where_fixed, varied_of
 from saltus.explorer.points.label_places import places_beside
@@ -48,7 +47,6 @@ _COLUMNS = {
     **dict.fromkeys(("chosen", "trail"), ("x", "y")),
 }
 _UPON = {"x": "to the right", "y": "upwards"}  # what the field of an axis is called
-_SEEN = ("marks", "points", "dots")  # what is seen besides curves
 _REACH = 24.0  # pixels from a click within which a solution is selected
 _BONUS = 8.0  # pixels by which a special point counts as nearer
 _SIZE = (600, 400)  # pixels of a figure whose size is not yet known
@@ -191,7 +189,7 @@ class DiagramView:
 
     def redraw(self) -> None:
         """Draw all results that are not hidden; `unseen` says why others cannot be drawn on these axes."""
-        columns = _empty()
+        columns, seen = _empty(), []
         self.unseen = {}
         for number, entry in enumerate(self._session.entries):
             if entry.name in self._session.settings.hidden:
@@ -201,11 +199,10 @@ class DiagramView:
             except SaltusError as error:
                 self.unseen[entry.name] = str(error)
                 continue
+            seen.append(extent_of(found))
             _add(columns, entry.name, found, self.colour(number))
-        x_seen, y_seen = (
-            [*chain(*columns["strands"][f"{axis}s"]), *chain(*(columns[name][axis] for name in _SEEN))] for axis in "xy"
-        )
-        look.fit(self.figure, x_seen, y_seen)
+        if seen:
+            look.fit(self.figure, *np.vstack(seen).T)
         self._name_marks(columns["marks"])
         self.marks.close()
         for name, table in columns.items():
@@ -247,7 +244,7 @@ class DiagramView:
         first = [group[0] for group in groups]
         labels, places = [marks["label"][i] for i in first], [self._on_screen(x[i], y[i]) for i in first]
         for i, beside in zip(first, places_beside(places, labels, self._frame()), strict=True):
-            marks["align"][i], marks["aside"][i], marks["below"][i] = beside
+            marks["align"][i], marks["aside"][i], marks["below"][i], _ = beside
 
     def name_marks_anew(self) -> None:
         """Write labels where there is room for them now: the figure has another size or shows another range."""
@@ -269,7 +266,7 @@ class DiagramView:
             data, column = self._sources[key].data, "told" if place.label is not None else "index"
             for x, y, of, value in zip(data["x"], data["y"], data["of"], data[column], strict=True):
                 if (of, value) == (place.of, wanted):
-                    ring = {"x": [x], "y": [y]}
+                    _append(ring, {"x": x, "y": y})
         self._sources["chosen"].data = ring
 
     def _clicked(self, x: float, y: float, place: tuple[float, float] | None = None) -> None:
@@ -363,9 +360,10 @@ def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colo
         columns["alone"]["x"] += found.points[:, 0].tolist()
         columns["alone"]["y"] += found.points[:, 1].tolist()
         columns["alone"]["colour"] += [colour] * len(found.points)
+    count = found.count or len(found.points)
     for index, ((x, y), stable) in enumerate(zip(found.points.tolist(), found.stable.tolist(), strict=True)):
         told = "stable" if stable else "unstable"
-        row = {"x": x, "y": y, "of": name, "index": index, "told": told, "tip": f"{name}, {told}"}
+        row = {"x": x, "y": y, "of": name, "index": index % count, "told": told, "tip": f"{name}, {told}"}
         _append(columns["points"], row)
     if len(found.dots):
         x, y = found.dots.T

@@ -1,4 +1,4 @@
-"""The equations of the system as text: to read, to change, to keep in a file."""
+"""The equations of the system or the map as text: to read, to change, to keep in a file."""
 
 from __future__ import annotations
 
@@ -59,5 +59,6 @@ class EquationsView:
         """Return what is written, with the start of this session where the states are the same."""
         system = read_equations(self._field.value or "")
         subject = of_system(system)
-        same = system.states == self._session.system.states
+        own = self._session.system
+        same = (system.part, system.states) == (own.part, own.states)
         return subject._replace(x0=self._session.settings.x0) if same else subject

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from saltus.explorer import widgets
+from saltus.explorer.kinds import kind_of
 from saltus.explorer.numerics import Numerics, section_names
 
 if TYPE_CHECKING:
@@ -42,11 +43,13 @@ class NumericsView:
 
     def __init__(self, session: Session, changed: Callable[[], None]) -> None:
         self._session, self._changed = session, changed
-        self._fields = {name: self._field(name, title) for name, title in _FIELDS.items()}
+        kind = kind_of(session.system)
+        self._fields = {name: self._field(name, title) for name, title in _FIELDS.items() if name in kind.numerics}
         names = section_names(session.system)
-        usual = "phase 0" if session.system.phase is not None else names[0]
+        usual = names[0] if kind.section else "phase 0"
         self._section = widgets.text("section", f"section of sweeps: {usual}", 236)
         widgets.on_change(self._section, lambda _: self._take())
+        self._section.visible = "section" in kind.numerics
         self.panel = widgets.fold("Numerics", widgets.row(*self._fields.values(), wrap=True), self._section)
         self.show()
 

@@ -11,8 +11,9 @@ from saltus.explorer import look, widgets
 from saltus.explorer.colours import INK
 from saltus.explorer.figures.pointer import tell_at_pointer
 from saltus.explorer.figures.spectrum_view import SpectrumView
+from saltus.explorer.kinds import kind_of
 from saltus.explorer.plane_view import PlaneView
-from saltus.explorer.solutions import path_of, readings_of, traits_of
+from saltus.explorer.solutions import path_of, quantities_in_plane, readings_of, traits_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,6 +25,10 @@ __all__ = ["OrbitView"]
 _HEIGHT = 235  # pixels of a figure
 _LINEARISED = '<p class="hint">Lines: motions of the field linearised at the equilibrium.</p>'
 _MOST_EVENTS = 400  # events of a motion that are marked
+_MOST_POINTS = 20_000  # points of a map's motion that are drawn
+_DOT = 6.0  # pixels of a point where there are few
+_SMALL_DOT = 2.0  # pixels of one where there are many
+_AID = "#8a94a0"  # of thin curves beside a motion
 
 
 class OrbitView:
@@ -65,9 +70,9 @@ class OrbitView:
 
     def _choosers(self) -> list[Any]:
         system = self._session.system
-        phase = [] if system.phase is None else [system.phase[0]]
-        names = ["t", *system.states, *phase, *system.output_names]
-        first = self._session.settings.planes or (system.states[0], (*system.states[1:], "t")[0], system.states[0])
+        names = quantities_in_plane(system)
+        x, y = [*system.states, kind_of(system).upwards][:2]
+        first = self._session.settings.planes or (x, y, x)
         self._session.settings.planes = tuple(first)
         made = []
         for title, value in zip(("portrait, right", "portrait, up", "over time"), first, strict=True):
@@ -100,9 +105,9 @@ class OrbitView:
 
     def _draw(self) -> None:
         x, y, over = self._session.settings.planes
-        system = self._session.system
+        system, time = self._session.system, kind_of(self._session.system).time
         self._near.visible = traits_of(self._shown).what == "equilibrium"
-        for name, made, names in (("portrait", self._portrait, (x, y)), ("series", self._series, ("t", over))):
+        for name, made, names in (("portrait", self._portrait, (x, y)), ("series", self._series, (time, over))):
             made.xaxis.axis_label, made.yaxis.axis_label = (look.time_label(name, system) for name in names)
             curves, events, vertices = self._sources[name]
             try:
@@ -117,14 +122,16 @@ class OrbitView:
     def _lines(self, names: tuple[str, str]) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
         path = path_of(self._shown, names)
         lines = {
-            "xs": [curve[:, 0].tolist() for curve in path.curves],
-            "ys": [curve[:, 1].tolist() for curve in path.curves],
-            "colour": [look.colour_of_mode(mode) for mode in path.modes],
-            "mode": [self._session.system.mode_names[mode] for mode in path.modes],
+            "xs": [curve[:, 0].tolist() for curve in (*path.aids, *path.curves)],
+            "ys": [curve[:, 1].tolist() for curve in (*path.aids, *path.curves)],
+            "colour": [*[_AID] * len(path.aids), *(look.colour_of_mode(mode) for mode in path.modes)],
+            "mode": [*[""] * len(path.aids), *(self._session.system.mode_names[mode] for mode in path.modes)],
+            "width": [*[1.0] * len(path.aids), *[1.8] * len(path.curves)],
         }
-        ends = path.events[-_MOST_EVENTS:]
-        at = "equilibrium" if traits_of(self._shown).what == "equilibrium" else "event"
-        return lines, {"x": ends[:, 0].tolist(), "y": ends[:, 1].tolist(), "tip": [at] * len(ends)}
+        dots = path.events[-(_MOST_POINTS if path.points else _MOST_EVENTS) :]
+        size, tip = _DOT if len(dots) <= _MOST_EVENTS else _SMALL_DOT, traits_of(self._shown).point
+        both = {"x": dots[:, 0].tolist(), "y": dots[:, 1].tolist()}
+        return lines, {**both, "tip": [tip] * len(dots), "size": [size] * len(dots)}
 
     def _tell_numbers(self) -> None:
         shown = self._shown
@@ -132,14 +139,15 @@ class OrbitView:
         self._readings.object = look.table(readings_of(shown, self._instrument))
 
 
-_NO_LINES: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": [], "mode": []}
-_NO_DOTS: dict[str, list[Any]] = {"x": [], "y": [], "tip": []}
+_NO_LINES: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": [], "mode": [], "width": []}
+_NO_DOTS: dict[str, list[Any]] = {"x": [], "y": [], "tip": [], "size": []}
 
 
 def _vertices(lines: dict[str, list[Any]]) -> dict[str, list[Any]]:
     """Return the vertices of curves, each with the name of its mode."""
-    told = [[mode] * len(xs) for xs, mode in zip(lines["xs"], lines["mode"], strict=True)]
-    return {"x": [*chain(*lines["xs"])], "y": [*chain(*lines["ys"])], "tip": [*chain(*told)]}
+    named = [row for row in zip(*(lines[key] for key in ("xs", "ys", "mode")), strict=True) if row[2]]
+    tips = chain(*([mode] * len(xs) for xs, _, mode in named))
+    return {"x": [*chain(*(row[0] for row in named))], "y": [*chain(*(row[1] for row in named))], "tip": [*tips]}
 
 
 def _lines(made: Any) -> tuple[Any, Any, Any]:
@@ -148,8 +156,8 @@ def _lines(made: Any) -> tuple[Any, Any, Any]:
 
     made.sizing_mode = "stretch_width"
     curves, events = ColumnDataSource(_NO_LINES), ColumnDataSource(_NO_DOTS)
-    made.multi_line("xs", "ys", source=curves, line_color="colour", line_width=1.8, name="curves")
-    made.scatter("x", "y", source=events, size=6, color=INK, name="events")
-    vertices = ColumnDataSource(_NO_DOTS)
+    made.multi_line("xs", "ys", source=curves, line_color="colour", line_width="width", name="curves")
+    made.scatter("x", "y", source=events, size="size", color=INK, name="events")
+    vertices = ColumnDataSource({"x": [], "y": [], "tip": []})
     tell_at_pointer(made, [events, vertices])
     return curves, events, vertices

@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from saltus.errors import SaltusError
 from saltus.explorer import widgets
 from saltus.explorer.desk import Desk, Listener
 
@@ -59,7 +60,10 @@ class SessionView(Listener):
             if button.name == _DELETE:
                 button.name = _SURE
                 return
-            self._office.delete(one.folder)
+            try:
+                self._office.delete(one.folder)
+            except SaltusError as error:
+                self._desk.tell(str(error), error=True)
             self._show()
 
         widgets.on_click(button, clicked)

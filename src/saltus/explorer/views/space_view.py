@@ -12,7 +12,8 @@ import numpy as np
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.errors import SaltusError
 from saltus.explorer import colours, look, widgets
-from saltus.explorer.drawing import quantities_of
+from saltus.explorer.drawing import default_axes, quantities_of, sheets_of
+from saltus.explorer.points.label_places import places_beside
 from saltus.plotting import style
 from saltus.plotting.space import coordinates_of, stretches_of
 
@@ -28,13 +29,17 @@ _ELEVATION = 24.0  # likewise
 _EDGES = ((0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 6), (5, 7), (6, 7))  # of a cube
 _HALF = 1.9  # half of what the figure shows; the cube's corners are at -1 and 1
 
-# what `projected` does, for each table; what is drawn is changed in place, so that nothing goes to the server
+_SIZE = (600.0, 340.0)  # pixels of a frame whose size is not yet known
+_NAMED = ("ends", "marks")  # tables with labels; those of the first ones take their places first
+
+# what `projected` does, for each table; what is drawn is changed in place, and only the last direction is told
 _TURN = """
+view.turned ??= {azimuth: view.data.azimuth[0], elevation: view.data.elevation[0]}
 if (cb_obj.event_name == 'pan') {
-  view.data.azimuth[0] -= 0.4 * cb_obj.delta_x
-  view.data.elevation[0] = Math.max(-90, Math.min(90, view.data.elevation[0] - 0.4 * cb_obj.delta_y))
+  view.turned.azimuth -= 0.4 * cb_obj.delta_x
+  view.turned.elevation = Math.max(-90, Math.min(90, view.turned.elevation - 0.4 * cb_obj.delta_y))
 }
-const a = view.data.azimuth[0] * Math.PI / 180, e = view.data.elevation[0] * Math.PI / 180
+const a = view.turned.azimuth * Math.PI / 180, e = view.turned.elevation * Math.PI / 180
 const right = (x, y) => y * Math.cos(a) - x * Math.sin(a)
 const up = (x, y, z) => z * Math.cos(e) - (x * Math.cos(a) + y * Math.sin(a)) * Math.sin(e)
 for (const table of tables) {
@@ -46,6 +51,10 @@ for (const table of tables) {
     }
   }
   table.change.emit()
+}
+if (cb_obj.event_name != 'pan') {
+  view.data = {azimuth: [view.turned.azimuth], elevation: [view.turned.elevation]}
+  view.turned = null
 }
 """
 
@@ -92,9 +101,7 @@ class SpaceView:
         self._session, self._colour = session, colour
         names = quantities_of(session.system)
         first, *others = session.system.parameter_names or ("t",)
-        height = f"max_{session.system.states[0]}"
-        if session.system.output_names:
-            height = f"min_{session.system.output_names[0]}"
+        _, height = default_axes(session.system, first)
         self._axes = [
             widgets.quantity(title, names, value, 104, f"space-{letter}")
             for letter, title, value in zip(
@@ -110,7 +117,7 @@ class SpaceView:
         self.redraw()
 
     def _glyphs(self) -> dict[str, Any]:
-        from bokeh.events import Pan, Reset
+        from bokeh.events import Pan, PanEnd, RangesUpdate, Reset
         from bokeh.models import ColumnDataSource, CustomJS, HoverTool, PanTool
 
         made = self.figure
@@ -119,24 +126,27 @@ class SpaceView:
         lines = made.multi_line(
             "u", "v", source=tables["curves"], line_color="colour", line_dash="dash", line_width=2.0, name="curves"
         )
-        made.scatter(
+        marks = made.scatter(
             "u", "v", source=tables["marks"], size=8, marker="marker", line_color="colour", fill_color="fill",
             name="marks",
         )  # fmt: skip
-        for name in ("marks", "ends"):
+        for name in _NAMED:
             made.text(
-                "u", "v", source=tables[name], text="name", x_offset=6, y_offset=-3, text_font_size="10px",
-                text_color="colour",
+                "u", "v", source=tables[name], text="label", x_offset="aside", y_offset="below", text_align="align",
+                text_font_size="10px", text_color="colour", name=f"{name}-labels",
             )  # fmt: skip
-        made.add_tools(HoverTool(renderers=[lines], tooltips=[("", "@name")]))
+        made.add_tools(HoverTool(renderers=[marks, lines], tooltips=[("", "@name")]))
         made.toolbar.tools = [tool for tool in made.toolbar.tools if not isinstance(tool, PanTool)]
         made.toolbar.active_drag = None
         made.axis.visible = made.grid.visible = False
         look.fit(made, [-_HALF, _HALF], [-_HALF, _HALF], 0.0)
         self._view = ColumnDataSource({"azimuth": [_AZIMUTH], "elevation": [_ELEVATION]})
         turn = CustomJS(args={"tables": list(tables.values()), "view": self._view}, code=_TURN)
-        made.js_on_event(Pan, turn)
-        made.js_on_event(Reset, turn)
+        for event in (Pan, PanEnd, Reset):
+            made.js_on_event(event, turn)
+        self._view.on_change("data", lambda attribute, before, now: self._turned())
+        made.on_event(RangesUpdate, lambda _: self._turned())
+        made.on_change("inner_width", lambda attribute, before, now: self._turned())
         return tables
 
     def redraw(self) -> None:
@@ -149,7 +159,9 @@ class SpaceView:
             if entry.name in self._session.settings.hidden or not isinstance(entry.result, SolutionCurve):
                 continue
             try:
-                curves += [(s, self._colour(number), entry.name) for s in stretches_of(entry.result, names)]
+                sheets = sheets_of(entry.result, names)
+                found = (stretch for sheet in sheets for stretch in stretches_of(sheet, names))
+                curves += [(stretch, self._colour(number), entry.name) for stretch in found]
                 points = entry.result.special_points
                 marks += [(p, coordinates_of(entry.result, p, names), entry.name) for p in points]
             except SaltusError as error:
@@ -178,18 +190,49 @@ class SpaceView:
         corners = np.array([[2.0 * (k >> axis & 1) - 1.0 for k in range(8)] for axis in range(3)])
         for first, last in _EDGES:
             _add(tables["box"], corners[:, [first, last]])
+        self._name({name: tables[name] for name in _NAMED})
         for name, table in tables.items():
             self._tables[name].data = table
         if every.size:
             self._view.data = {"azimuth": [_AZIMUTH], "elevation": [_ELEVATION]}
 
+    def _turned(self) -> None:
+        """Place labels anew: space is seen from elsewhere, or by another size."""
+        tables = {name: {key: [*column] for key, column in self._tables[name].data.items()} for name in _NAMED}
+        (azimuth,), (elevation,) = self._view.data["azimuth"], self._view.data["elevation"]
+        for table in tables.values():
+            places = np.array([table[axis] for axis in "xyz"], dtype=np.float64)
+            table["u"], table["v"] = projected(places, azimuth, elevation).tolist()
+        self._name(tables)
+        for name, table in tables.items():
+            self._tables[name].data = table
+
+    def _name(self, tables: dict[str, dict[str, list[Any]]]) -> None:
+        """Write labels where there is room; one without stays away, and the pointer tells it."""
+        known = self.figure.properties_with_values(include_defaults=False)
+        size = float(known.get("inner_width") or _SIZE[0]), float(known.get("inner_height") or _SIZE[1])
+        x, y = self.figure.x_range, self.figure.y_range
+        across, down = size[0] / (float(x.end - x.start) or 1.0), size[1] / (float(y.end - y.start) or 1.0)
+        seen = [
+            ((u - x.start) * across, (y.end - v) * down)
+            for table in tables.values()
+            for u, v in zip(table["u"], table["v"], strict=True)
+        ]
+        beside = iter(places_beside(seen, [name for table in tables.values() for name in table["name"]], size))
+        for table in tables.values():
+            found = [next(beside) for _ in table["name"]]
+            for key in ("align", "aside", "below"):
+                table[key] = [getattr(one, key) for one in found]
+            table["label"] = [name if one.free else "" for name, one in zip(table["name"], found, strict=True)]
+
 
 _PLACES = ("x", "y", "z", "u", "v")
+_LABEL = ("label", "align", "aside", "below")
 _COLUMNS = {
     "box": _PLACES,
     "curves": (*_PLACES, "name", "colour", "dash"),
-    "marks": (*_PLACES, "name", "colour", "marker", "fill"),
-    "ends": (*_PLACES, "name", "colour"),
+    "marks": (*_PLACES, "name", "colour", "marker", "fill", *_LABEL),
+    "ends": (*_PLACES, "name", "colour", *_LABEL),
 }
 
 
