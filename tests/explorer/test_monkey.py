@@ -126,7 +126,10 @@ def test_random_actions_lose_nothing(window, server, home, name, count):
             halfway = resident(process.pid)
     for screen in windows:
         idle(screen)
-    windows[0].eventually(lambda: shown(windows[0]) == shown(windows[1]) == kept(folder))
+    try:
+        windows[0].eventually(lambda: shown(windows[0]) == shown(windows[1]) == kept(folder))
+    finally:
+        print([(shown(screen), screen.text("work")) for screen in windows], kept(folder))
     assert (home / "server.log").read_text()[said:] == ""
     assert [screen.errors for screen in windows] == [[], []]
     grown = growth(halfway, resident(process.pid))
