@@ -100,6 +100,13 @@ def _address(server: subprocess.Popen, log: Path) -> str:
     return found[1]
 
 
+def closed(window) -> None:
+    """Close all pages of a window, and take back what it was allowed."""
+    for page in window.pages:
+        page.close()
+    window.clear_permissions()
+
+
 class Screen:
     """A page, and what it has said on its console."""
 

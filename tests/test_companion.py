@@ -116,6 +116,30 @@ def test_results_and_errors_come_back_in_turn(companion):
     assert not companion.busy
 
 
+def _own_number(*, progress) -> int:
+    return os.getpid()
+
+
+def _nothing() -> None:
+    pass
+
+
+def test_a_process_that_is_left_without_work_is_taken_over_and_one_that_works_is_ended(companion):
+    number = _last(companion, companion.submit(_own_number)).content
+    companion.leave()
+    other = Companion(_nothing)  # something else is called there first
+    assert _last(other, other.submit(_own_number)).content != number
+    other.end()
+    after = Companion()
+    assert _last(after, after.submit(_own_number)).content == number
+    assert _last(after, after.submit(_squared, 3.0)).content == 9.0
+    _begun(after, after.submit(_counts_until_stopped))
+    after.leave()
+    last = Companion()
+    assert _last(last, last.submit(_own_number)).content != number
+    last.end()
+
+
 def test_stopped_work_returns_what_it_kept_and_the_next_piece_is_done(companion):
     key = companion.submit(_counts_until_stopped)
     _begun(companion, key)

@@ -97,7 +97,9 @@ def test_durations_have_two_units_at_most(seconds: float, text: str) -> None:
     assert duration_text(seconds) == text
 
 
-def test_a_notebook_shows_one_bar_that_moves_and_no_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def cell(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return what a notebook's cell shows, one after the other."""
     seen: list[str] = []
     handle = SimpleNamespace(update=seen.append)
 
@@ -108,11 +110,36 @@ def test_a_notebook_shows_one_bar_that_moves_and_no_warning(monkeypatch: pytest.
     kernel = SimpleNamespace(config={"IPKernelApp": {}})
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: kernel))
     monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(HTML=str, display=display))
+    return seen
+
+
+def test_a_notebook_shows_one_bar_that_moves_and_no_warning(cell: list[str]) -> None:
     with Reporter(True, 2) as reporter:
         reporter.step(1, "w < 1")
         reporter.step(1, "w = 2")
-    assert seen[0] == "starting"
-    assert seen[1].startswith('<progress value="1" max="2"></progress>  50.0 %')
-    assert seen[1].endswith("w &lt; 1")
-    assert seen[2].startswith('<progress value="2" max="2"></progress> 100.0 %')
-    assert len(seen) == 3
+    assert cell[0] == "starting"
+    assert cell[1].startswith('<progress value="1" max="2"></progress>  50.0 %')
+    assert cell[1].endswith("w &lt; 1")
+    assert cell[2].startswith('<progress value="2" max="2"></progress> 100.0 %')
+    assert len(cell) == 3
+
+
+def test_a_notebooks_bar_stands_still_at_the_end_and_shows_the_last_step(cell: list[str]) -> None:
+    with Reporter(True) as reporter:
+        for count in range(1, 46):
+            reporter.step(text=f"w = {count}")
+    assert cell[1].startswith("<progress ></progress> 1 ")  # nobody knows how many come: it runs to and fro
+    assert cell[-1].startswith('<progress value="45" max="45"></progress> 45 ')
+    assert cell[-1].endswith("w = 45")
+
+
+def test_a_notebooks_bar_stays_where_an_error_came(cell: list[str]) -> None:
+    def broken() -> None:
+        with Reporter(True, 8) as reporter:
+            reporter.step(1)
+            reporter.step(1)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        broken()
+    assert cell[-1].startswith('<progress value="2" max="8"></progress>  25.0 %')

@@ -30,6 +30,7 @@ _PACE = 0.05  # seconds between two reports of progress, at least
 _PAUSE = 0.005  # seconds between two tries to interrupt what may not be interrupted
 # Modules in which an interrupt waits: of a package that is imported, or a function that is compiled, half would stay.
 _WHOLE = ("importlib._bootstrap", "numba", "llvmlite")
+_SPARES = 2  # processes without work that are kept, at most
 _LAST_WORDS = 2.0  # seconds in which a process that is told to end may end by itself
 
 
@@ -46,7 +47,8 @@ class Companion:
     """One process that does pieces of work in turn.
 
     A piece is stopped by an interrupt, so that functions which keep what is done return this. The process starts at
-    the first piece, or when `start` is called, and again after it has died.
+    the first piece, or when `start` is called, and again after it has died. One that another companion has left
+    without work is taken over, with the modules and compiled functions that it holds.
 
     Parameters
     ----------
@@ -81,6 +83,9 @@ class Companion:
             The system allows no further process.
         """
         if self._process is not None and self._process.is_alive():
+            return
+        if (spare := _spare(self._prepare)) is not None:
+            self._process, self._pipe, self._count = spare
             return
         context = get_context("spawn")
         self._pipe, far = context.Pipe()
@@ -131,15 +136,45 @@ class Companion:
         if self._pipe is not None and key in self._waiting:
             self._pipe.send((key, None, ()))
 
+    def leave(self) -> None:
+        """Leave the process to the next companion; one that works is ended, and so is the first of too many."""
+        self.heard()
+        if self._process is not None and self._pipe is not None and not self.busy:
+            _LEFT.append((self._prepare, (self._process, self._pipe, self._count)))
+            self._process = self._pipe = None
+        self.end()
+        while len(_LEFT) > _SPARES:
+            _ended(_LEFT.pop(0)[1][0])
+
     def end(self) -> None:
         """End the process, whatever it is doing; what waited is answered as stopped."""
         process, self._process, self._pipe = self._process, None, None
         self._waiting = []
-        if process is not None and process.is_alive():
-            process.terminate()
-            process.join(_LAST_WORDS)
-            if process.is_alive():
-                process.kill()
+        if process is not None:
+            _ended(process)
+
+
+# processes that were left without work: what was called in each first, the process, its pipe, pieces it has done
+_LEFT: list[tuple[Callable[[], object] | None, tuple[BaseProcess, Connection, int]]] = []
+
+
+def _ended(process: BaseProcess) -> None:
+    """End a process, whatever it is doing."""
+    if process.is_alive():
+        process.terminate()
+        process.join(_LAST_WORDS)
+        if process.is_alive():
+            process.kill()
+
+
+def _spare(prepare: Callable[[], object] | None) -> tuple[BaseProcess, Connection, int] | None:
+    """Take a living process that was left, and in which the same was called first; None where there is none."""
+    _LEFT[:] = [left for left in _LEFT if left[1][0].is_alive()]
+    found = next((left for left in _LEFT if left[0] is prepare), None)
+    if found is None:
+        return None
+    _LEFT.remove(found)
+    return found[1]
 
 
 # ---- inside the companion's process ----

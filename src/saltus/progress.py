@@ -161,7 +161,8 @@ def shown(first: str = "starting") -> Iterator[Report]:
     ...     report(Progress(3, 4, 1.0, "w = 0.93"))
     """
     if in_notebook():
-        yield _shown_below_cell(first)
+        with _shown_below_cell(first) as report:
+            yield report
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress as Bar, TextColumn
@@ -182,21 +183,31 @@ def in_notebook() -> bool:
     return shell is not None and "IPKernelApp" in getattr(shell.get_ipython(), "config", {})
 
 
-def _shown_below_cell(first: str) -> Report:
-    """Show a bar below a notebook's cell, which needs no widgets, and return what moves it."""
+@contextmanager
+def _shown_below_cell(first: str) -> Iterator[Report]:
+    """Show a bar below a notebook's cell, without widgets, and give what moves it; it stands still at the end."""
     from IPython.display import HTML, display
 
-    handle, last = display(HTML(escape(first)), display_id=True), -_PACE
+    handle, at = display(HTML(escape(first)), display_id=True), -_PACE
+    last: Progress | None = None
+    drawn: Progress | None = None
 
-    def show(progress: Progress) -> None:
-        nonlocal last
-        if monotonic() - last < _PACE and progress.done != progress.total:
-            return
-        last = monotonic()
-        share = f'value="{progress.done}" max="{progress.total}"' if progress.total else ""
+    def draw(progress: Progress, total: int | None) -> None:
+        share = f'value="{progress.done}" max="{total}"' if total else ""
         handle.update(HTML(f"<progress {share}></progress> {escape(_line(progress))}"))
 
-    return show
+    def show(progress: Progress) -> None:
+        nonlocal at, last, drawn
+        last = progress
+        if monotonic() - at >= _PACE or progress.done == progress.total:
+            at, drawn = monotonic(), progress
+            draw(progress, progress.total)
+
+    try:
+        yield show
+    finally:
+        if last is not None and (last is not drawn or last.total is None):
+            draw(last, last.total or last.done)
 
 
 def _line(progress: Progress) -> str:

@@ -15,7 +15,7 @@ from saltus.explorer.application import Application
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Continue, FindEquilibrium, FindOrbit, Follow, Move, Place, Sweep, Switch
 from saltus.explorer.subjects import Subject, of_system
-from screen import Screen, browser, served
+from screen import Screen, browser, closed, served
 from systems import ball_on_table as table
 
 
@@ -162,12 +162,24 @@ def kept(home) -> Session:
     return session
 
 
+@pytest.fixture(scope="session")
+def windows(chromium):
+    """Return a function that gives the window of a size, the same for all tests: it keeps the page's compiled code."""
+    opened: dict = {}
+
+    def window(width: int, height: int):
+        if (width, height) not in opened:
+            opened[width, height] = chromium.new_context(viewport={"width": width, "height": height})
+        return opened[width, height]
+
+    return window
+
+
 @pytest.fixture
-def window(chromium):
+def window(windows):
     """Return a window of a desk."""
-    context = chromium.new_context(viewport={"width": 1500, "height": 900})
-    yield context
-    context.close()
+    yield windows(1500, 900)
+    closed(windows(1500, 900))
 
 
 @pytest.fixture

@@ -6,21 +6,21 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import pytest
 
 from saltus.explorer.session import Session, new_folder
-from screen import PATIENCE, TOKEN, Screen, browser, served
+from screen import PATIENCE, TOKEN, Screen, browser, closed, served
 from selection import guarding
 
 pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested")
 
-WINDOWS = {"desk": {"width": 1500, "height": 900}, "small": {"width": 1024, "height": 768}}
+WINDOWS = {"desk": (1500, 900), "small": (1024, 768)}
 
 desk_alone = pytest.mark.parametrize("window", ["desk"], indirect=True)
 
 
 @pytest.fixture(params=guarding(WINDOWS, "desk", campaign=0))
-def window(request, chromium):
-    context = chromium.new_context(viewport=WINDOWS[request.param])
-    yield context
-    context.close()
+def window(request, windows):
+    shown = windows(*WINDOWS[request.param])
+    yield shown
+    closed(shown)
 
 
 def test_a_first_page_finds_an_orbit_and_asks_nothing_from_outside(window, address):

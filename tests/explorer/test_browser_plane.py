@@ -2,20 +2,22 @@
 
 import pytest
 
-from screen import _PLACE, TOKEN, Screen, browser, served
+import saltus
+from saltus.explorer.session import Session, new_folder
+from saltus.explorer.subjects import of_system
+from screen import _PLACE, TOKEN, Screen, browser, closed
 
 pytestmark = [
     pytest.mark.campaign,
     pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested"),
 ]
 
-SYSTEM = """import saltus
-relay = saltus.HybridSystem(
-    ("x", "v"), {"a": 0.5, "c": 0.4},
+RELAY = saltus.HybridSystem(
+    ("x", "v"),
+    {"a": 0.5, "c": 0.4},
     {"plus": saltus.Mode({"x": "v", "v": "a - c*v - x"}), "minus": saltus.Mode({"x": "v", "v": "-a - c*v - x"})},
     [saltus.Transition("plus", "minus", "x - 0.2*v", 1), saltus.Transition("minus", "plus", "x - 0.2*v", -1)],
 )
-"""
 
 # counts what the portrait draws while a slider moves, and the frames in the right order of values
 _COUNT = """() => {
@@ -29,17 +31,15 @@ _COUNT = """() => {
 
 
 @pytest.fixture(scope="module")
-def screen(tmp_path_factory, chromium):
-    home = tmp_path_factory.mktemp("home")
-    (home / "relay.py").write_text(SYSTEM)
-    with served(home, f"{home}/relay.py:relay") as (address, _):
-        context = chromium.new_context(viewport={"width": 1500, "height": 900})
-        shown = Screen(context.new_page(), address)
-        shown.fill("start-x", "0.8")  # at 0 it would be on the surface
-        shown.page.click(".find-orbit")
-        shown.wait("orbit1")
-        yield shown
-        context.close()
+def screen(windows, address, home):
+    folder = new_folder(home / "saltus" / "explorer")
+    session = Session(of_system(RELAY), folder)
+    session.settings.x0 = (0.8, 0.0)  # at 0 it would be on the surface
+    session.keep()
+    shown = Screen(windows(1500, 900).new_page(), address, f"&session={folder.name}")
+    shown.wait("orbit1")
+    yield shown
+    closed(windows(1500, 900))
 
 
 def test_motion_and_orbit_follow_a_slider(screen):

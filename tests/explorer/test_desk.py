@@ -39,6 +39,9 @@ class Told:
     def stop(self, key: int) -> None:
         self.stopped.append(key)
 
+    def leave(self) -> None:
+        self.ended += 1
+
     def end(self) -> None:
         self.ended += 1
 

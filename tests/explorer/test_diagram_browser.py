@@ -12,15 +12,14 @@ from saltus.explorer import colours
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Place
 from saltus.explorer.subjects import of_system
-from screen import _PLACE, Screen, browser, served
+from screen import _PLACE, Screen, browser, closed
 
 pytestmark = [
     pytest.mark.campaign,
     pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested"),
 ]
 
-DESK = {"width": 1500, "height": 900}
-PHONE = {"width": 390, "height": 844}
+DESK, PHONE, TABLET = (1500, 900), (390, 844), (768, 1024)
 
 # texts that do not fit into what holds them, and parts beyond the right edge of the window
 _CUT = """() => {
@@ -52,17 +51,6 @@ _FOCUS = """() => {
 }"""
 
 
-@pytest.fixture(scope="module")
-def home(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("home")
-
-
-@pytest.fixture(scope="module")
-def address(home):
-    with served(home) as (found, _):
-        yield found
-
-
 def _kept(home: Path, steps, results, axes: tuple[str, str]) -> Path:
     """Return the folder of a session in which steps were taken."""
     session = Session(of_system(next(iter(results.values())).system), new_folder(home / "saltus" / "explorer"))
@@ -72,34 +60,33 @@ def _kept(home: Path, steps, results, axes: tuple[str, str]) -> Path:
     return session.folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def ball(home, taken_steps) -> Path:
     return _kept(home, *taken_steps, ("a", "max_z"))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def oscillator(home, rests) -> Path:
     return _kept(home, *rests, ("B", "max_x"))
 
 
 @pytest.fixture
-def opened(chromium, address):
+def opened(windows, address):
     """Return a function that shows a copy of a session in a window."""
-    contexts = []
+    used = []
 
-    def show(folder: Path, size: dict[str, int] = DESK) -> Screen:
+    def show(folder: Path, size: tuple[int, int] = DESK) -> Screen:
         copy = folder.with_name(f"{time.time_ns() % 16**12:012x}")
         shutil.copytree(folder, copy)
-        context = chromium.new_context(viewport=size)
-        context.grant_permissions(["clipboard-read", "clipboard-write"])
-        contexts.append(context)
-        screen = Screen(context.new_page(), address, f"&session={copy.name}")
+        used.append(windows(*size))
+        used[-1].grant_permissions(["clipboard-read", "clipboard-write"])
+        screen = Screen(used[-1].new_page(), address, f"&session={copy.name}")
         screen.wait("branch1")
         return screen
 
     yield show
-    for context in contexts:
-        context.close()
+    for window in used:
+        closed(window)
 
 
 def axis(screen: Screen, letter: str) -> str:
@@ -328,15 +315,15 @@ def test_everything_is_reached_by_the_keyboard(opened, ball):
     screen.page.wait_for_selector(".multiplier-table", state="visible")
 
 
-@pytest.mark.parametrize("size", [PHONE, {"width": 768, "height": 1024}], ids=["phone", "tablet"])
+@pytest.mark.parametrize("size", [PHONE, TABLET], ids=["phone", "tablet"])
 def test_small_windows_show_the_diagram_first_and_cut_nothing(opened, ball, size):
     screen = opened(ball, size)
     screen.page.wait_for_timeout(300)
     assert screen.page.evaluate(_CUT) == []
-    assert screen.page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    assert screen.page.evaluate("document.documentElement.scrollWidth") <= size[0]
     tops = [screen.page.locator(f"main > .{part}").bounding_box()["y"] for part in ("centre", "side", "controls")]
     assert tops == sorted(tops)
-    assert tops[0] < 0.3 * size["height"]
+    assert tops[0] < 0.3 * size[1]
     for tab in ("Multipliers", "Observables", "Basins", "Special points"):
         screen.page.click(f"text={tab}")
         screen.page.wait_for_timeout(200)

@@ -88,7 +88,7 @@ class Slow:
         told, self.answers = self.answers, []
         return told
 
-    def end(self) -> None:
+    def leave(self) -> None:
         self.asked.clear()
 
 

@@ -1,6 +1,7 @@
 """Random actions in two windows on one session: no exception, no lost result, no growing memory."""
 
 import random
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,7 @@ SYSTEMS = {
     "spring": lambda: saltus.HybridSystem.smooth({"x": "v", "v": "cos(s) - x - 0.1*v"}, {"w": 0.8}, phase=("s", "w")),
 }
 GROWTH = 20.0  # megabytes by which the server may grow after the first half of the actions
+WHOLE = 120  # actions a system, before a release
 
 
 class Monkey:
@@ -75,10 +77,15 @@ class Monkey:
         page.mouse.click(*(box[k] + self.chance.random() * box[size] for k, size in (("x", "width"), ("y", "height"))))
 
 
-def resident(pid: int) -> float:
-    """Return the memory of a process, in megabytes."""
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) / 1e3
+def resident(server: int) -> dict[int, float]:
+    """Return the memory of a server and of the processes that it started, in megabytes, by their number."""
+    found = {}
+    for status in Path("/proc").glob("[0-9]*/status"):
+        with suppress(OSError):  # it has ended meanwhile
+            told = dict(line.split(":", 1) for line in status.read_text().splitlines())
+            if server in (int(told["Pid"]), int(told["PPid"])) and "VmRSS" in told:
+                found[int(told["Pid"])] = int(told["VmRSS"].split()[0]) / 1e3
+    return found
 
 
 def idle(screen: Screen) -> None:
@@ -100,21 +107,32 @@ def kept(folder: Path) -> list[str]:
     return [entry.name for entry in Session.reopened(folder).entries]
 
 
-@pytest.mark.parametrize(("count", "name"), guarding([(n, name) for n in (12, 120) for name in SYSTEMS], campaign=0))
+def growth(before: dict[int, float], after: dict[int, float]) -> dict[int, float]:
+    """Return by how much processes grew that live yet, in megabytes."""
+    return {number: after[number] - memory for number, memory in before.items() if number in after}
+
+
+@pytest.mark.parametrize(("count", "name"), guarding([(n, name) for n in (12, WHOLE) for name in SYSTEMS], campaign=1))
 def test_random_actions_lose_nothing(window, server, home, name, count):
     address, process = server
     folder = new_folder(home / "saltus" / "explorer")
     Session(of_system(SYSTEMS[name](), name), folder).keep()
     said = len((home / "server.log").read_text())
     windows = [Screen(window.new_page(), address, f"&session={folder.name}") for _ in range(2)]
-    monkey, halfway = Monkey(windows, f"{name} {count}"), 0.0
+    monkey, halfway = Monkey(windows, f"{name} {count}"), {}
     for k in range(count):
         monkey.act()
         if k == count // 2:
             halfway = resident(process.pid)
     for screen in windows:
         idle(screen)
-    windows[0].eventually(lambda: shown(windows[0]) == shown(windows[1]) == kept(folder))
+    try:
+        windows[0].eventually(lambda: shown(windows[0]) == shown(windows[1]) == kept(folder))
+    finally:
+        print([(shown(screen), screen.text("work")) for screen in windows], kept(folder))
     assert (home / "server.log").read_text()[said:] == ""
     assert [screen.errors for screen in windows] == [[], []]
-    assert resident(process.pid) - halfway < GROWTH or count < 100
+    grown = growth(halfway, resident(process.pid))
+    workers = ", ".join(f"{more:+.1f}" for number, more in grown.items() if number != process.pid)
+    print(f"{name}, the second half of {count} actions: server {grown[process.pid]:+.1f} MB, workers {workers} MB")
+    assert grown[process.pid] < GROWTH or count < WHOLE

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 from saltus.plotting import style
@@ -68,6 +69,7 @@ def contrast(colour: str, ground: str = GROUND) -> float:
     return (light + 0.05) / (dark + 0.05)
 
 
+@cache
 def readable(colour: str) -> str:
     """Return a colour, darkened as far as its contrast on white needs.
 

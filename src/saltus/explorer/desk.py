@@ -319,6 +319,6 @@ class Desk:
         self.tell("the work was ended")
 
     def close(self) -> None:
-        """End the process that works; the session stays in its folder."""
+        """Leave the process that works; the session stays in its folder."""
         self.write()
-        self._companion.end()
+        self._companion.leave()

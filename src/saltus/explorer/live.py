@@ -230,6 +230,6 @@ class Live:
             self._shown(drawn)
 
     def close(self) -> None:
-        """End the process."""
-        self._companion.end()
+        """Leave the process."""
+        self._companion.leave()
         self._key = self._waiting = self._half = None

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import look
+from saltus.explorer.figures.defaults import remember_defaults
 from saltus.work import uncollected
 
 if TYPE_CHECKING:
@@ -190,6 +191,7 @@ def serve(
         from tornado.ioloop import PeriodicCallback
 
         pn.extension(console_output="disable", loading_indicator=False)
+    remember_defaults()
     options: Mapping[str, Any] = {
         "address": address.host,
         "port": address.port,

@@ -186,8 +186,11 @@ def upload(name: str) -> Any:
 
 
 def bar() -> Any:
-    """Return a bar of progress, not shown at first."""
-    return pn.indicators.Progress(value=0, max=100, width=150, margin=(10, 8), visible=False)
+    """Return a bar of progress, not shown at first.
+
+    It stands still: Panel's moving stripes draw the page anew in each frame, beside the process that works.
+    """
+    return pn.indicators.Progress(value=0, max=100, width=150, margin=(10, 8), visible=False, active=False)
 
 
 def pane(made: Any, *, high: bool = False, fixed: bool = False) -> Any:
