@@ -20,6 +20,7 @@ from saltus.fitting.measured import Channel, Measured, MeasuredPoint, read_measu
 from saltus.fitting.optimum import Minimum, Objective, covariance, degeneracies, minimised
 from saltus.fitting.priors import NO_PRIORS, Priors, read_priors
 from saltus.fitting.profiles import Profiles
+from saltus.fitting.remedy import remedy_of
 from saltus.fitting.result import Fit
 from saltus.fitting.search import searched
 from saltus.progress import Reporter
@@ -100,7 +101,8 @@ class Task:
     options: FitOptions
     sought: bool  # whether jumps were looked for in the data
     priors: Priors = NO_PRIORS  # what is known of the parameters beforehand
-    instrument: Instrument = field(default_factory=Instrument)  # unknowns of the measurement
+    instrument: Instrument = field(default_factory=Instrument)  # unknowns of the measurement that are varied
+    candidates: Instrument = field(default_factory=Instrument)  # all unknowns that the measurement may have
 
 
 def fit(
@@ -211,11 +213,12 @@ def task(
     instrument: Instrument | None = None,
 ) -> Task:
     """Return the task of a fit, its arguments checked."""
-    instrument = Instrument() if instrument is None else instrument
+    candidates = Instrument() if instrument is None else instrument
+    instrument = candidates.among(vary)
     branch = trace.branches[0]
     system, along = branch.system, branch.parameter
     measured = read_measured(data, along, system, sigma, options.observables, options.turns)
-    names, start, limits = _varied(vary, branch, options.start, instrument)
+    names, start, limits = _varied(vary, branch, options.start, candidates)
     own = replace(instrument, values=dict(zip(names, start.tolist(), strict=True)))
     x = measured.x + own.moved_by
     outside = (x < bounds[0]) | (x > bounds[1])
@@ -235,7 +238,7 @@ def task(
     if options.profile is not None:
         for name in checks.names("profile", options.profile, "varied parameters"):
             checks.chosen("profile", name, names)
-    return Task(measured, trace, names, start, limits, options, jumps is True, known, instrument)
+    return Task(measured, trace, names, start, limits, options, jumps is True, known, instrument, candidates)
 
 
 def _varied(
@@ -296,6 +299,7 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
         notes=(*_notes(wanted, found, objective), *profiles.notes),
     )
     if fit.misfit and not found.is_interrupted:
+        fit = replace(fit, remedy=remedy_of(found.evaluation, found.values, bounds, wanted.candidates))
         warnings.warn(f"saltus: {fit.message}", RuntimeWarning, stacklevel=3)
     for told in wanted.priors.contradicted(found.values, names):
         warnings.warn(f"saltus: {told}", RuntimeWarning, stacklevel=3)

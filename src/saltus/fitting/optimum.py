@@ -33,6 +33,7 @@ __all__ = [
     "Objective",
     "covariance",
     "degeneracies",
+    "is_held",
     "loss_weights",
     "minimised",
     "total_loss",
@@ -274,11 +275,17 @@ def _promised_fall(objective: Objective, free: Sequence[int], bounds: NDArray[np
     roots = np.sqrt(loss_weights(evaluation.residuals))
     jacobian, residuals = evaluation.jacobian * roots[:, None], evaluation.residuals * roots
     slopes = residuals @ jacobian
-    near = 1e-6 * (bounds[1] - bounds[0])
-    held = ((values - bounds[0] <= near) & (slopes > 0.0)) | ((bounds[1] - values <= near) & (slopes < 0.0))
+    held = is_held(values, bounds, slopes)
     own = [i for i in free if not held[i]]
     step = np.linalg.lstsq(jacobian[:, own], residuals)[0]
     return float(step @ slopes[own]) / (1.0 + loss)
+
+
+def is_held(values: NDArray[np.float64], bounds: NDArray[np.float64], slopes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which parameters lie at a bound beyond which the loss, of these slopes, would fall."""
+    near = 1e-6 * (bounds[1] - bounds[0])
+    low, high = values - bounds[0] <= near, bounds[1] - values <= near
+    return np.asarray((low & (slopes > 0.0)) | (high & (slopes < 0.0)))
 
 
 def covariance(jacobian: NDArray[np.float64], residuals: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -347,3 +347,14 @@ def test_distance_and_frequency_have_units_and_names_in_datasets(curve, tune):
     told = {"units": "nm", "long_name": "distance"}
     assert curve.to_xarray()["Zc_nm"].attrs == curve.path("approach")["Zc_nm"].attrs == told
     assert tune.to_xarray()["f_kHz"].attrs == {"units": "kHz", "long_name": "frequency of the first drive"}
+
+
+def test_progress_tells_orbits_and_motions_that_settle():
+    seen = []
+    probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=20.0, R_nm=10.0)
+    system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=10.0), Zc_nm=20.0)
+    curve = afm.distance_curve(system, (8.0, 12.0), progress=seen.append)
+    assert [one.done for one in seen] == list(range(1, len(seen) + 1))
+    texts = [one.text for one in seen]
+    assert "a motion settles at Zc_nm = 8, from rest" in texts
+    assert sum(text.startswith("Zc_nm = ") for text in texts) > len(curve) // 2

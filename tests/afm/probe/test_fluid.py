@@ -107,7 +107,7 @@ def test_what_cannot_be_is_refused():
         afm.fluid_modes(measured, WATER)
     with pytest.raises(InputError, match="a beam given by geometry has its own"):
         afm.fluid_modes(LEVER, WATER, plan_um=(100.0, 20.0))
-    with pytest.raises(InputError, match="in m\\? then it is 29 um"):
+    with pytest.raises(InputError, match="in m\\? then it is 29 um; no other value is taken"):
         afm.fluid_modes(measured, WATER, plan_um=(197.0, 29e-6))
     with pytest.raises(InputError, match="in mPa s\\? then it is 0.089 Pa s"):
         afm.Fluid(density_kg_m3=997.0, viscosity_Pa_s=89.0)

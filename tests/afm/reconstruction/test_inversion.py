@@ -204,7 +204,7 @@ def test_wrong_data_are_told_in_a_line():
     for data, options, told in (
         (short, {"A_nm": 1.0}, "data = 5: must be 8 rows or more"),
         (whole, {}, "A_nm, drive = .*: must be one of both"),
-        (whole, {"A_nm": 1e-9}, "A_nm = 1e-09: must be between"),
+        (whole, {"A_nm": 1e-9}, "A_nm = 1e-09: must be between .* in m. then it is 1 nm; no other value is taken"),
         (whole, {"A_nm": 1.0, "drive": drive}, "must be one of both"),
         (whole, {"drive": drive}, "no 'amplitude_nm'"),
         (lag, {"A_nm": 1.0}, "no 'shift_Hz'"),
@@ -224,6 +224,9 @@ def test_wrong_data_are_told_in_a_line():
     ):
         with pytest.raises(InputError, match=told):
             afm.reconstruct_force(data, PROBE, **options)
+    exact = afm.reconstruct_force(whole, PROBE, A_nm=1.0, sigma={"shift_Hz": 1e-3})
+    with pytest.raises(InputError, match="R_nm = 1.2e-08: must be .* no other value is taken"):
+        exact.fit(afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3), {"H_aJ": (0.01, 1.0)}, R_nm=12e-9)
     with pytest.raises(InputError, match="probe = None"):
         afm.reconstruct_force(whole, None, A_nm=1.0)
     twice = {name: np.repeat(values, 2) for name, values in whole.items()}

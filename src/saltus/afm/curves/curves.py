@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from saltus import checks
@@ -16,10 +17,12 @@ from saltus.afm.models.settling import periods_of_patience, stays_in_contact
 from saltus.afm.probe.units import check_changes, suffix
 from saltus.continuation import StepControl, continue_orbit
 from saltus.errors import ConvergenceError, InputError
+from saltus.linear_threads import one_thread
 from saltus.orbits import PeriodicOrbit, find_orbit
+from saltus.progress import Reporter
 
 if TYPE_CHECKING:
-    from saltus.progress import Report
+    from saltus.progress import Progress, Report
     from saltus.system import HybridSystem
 
 _ROUNDING = 1e-12  # distance from the end of a way, over its begin, that is rounding
@@ -66,7 +69,7 @@ def distance_curve(
         Places, in equal distances, at each of which motions from 17 starts are followed as well, as
         `saltus afm observe` does. Each place takes as long as some curves: 0.2 to 4 s.
     progress : bool or callable, optional
-        True for a bar on stderr, or a function of a `saltus.Progress`.
+        True for a bar on stderr, or a function of a `saltus.Progress`: orbits, and motions that are to settle.
 
     Returns
     -------
@@ -98,8 +101,9 @@ def distance_curve(
     p = _at_frequency(system, system.resolve(parameters), f_kHz)
     check_changes(system.parameters, p | {"Zc_nm": max(low, high, key=abs)})
     checks.count("starts", starts, 0)
-    first = from_afar(system, p, high, steps)
-    return traced(Tracing("Zc_nm", (low, high), steps, progress), first, of, starts)
+    with _working(system, progress) as told:
+        first = from_afar(system, p, high, steps)
+        return traced(Tracing("Zc_nm", (low, high), steps, told), first, of, starts)
 
 
 def frequency_curve(
@@ -157,8 +161,20 @@ def frequency_curve(
     p |= {"f_kHz": checks.positive("f_kHz", low, "kHz")}
     check_changes(system.parameters, p | {"f_kHz": high})
     checks.count("starts", starts, 0)
-    first = from_afar(system, p, p["Zc_nm"], steps)
-    return traced(Tracing("f_kHz", (low, high), steps, progress), first, of, starts)
+    with _working(system, progress) as told:
+        first = from_afar(system, p, p["Zc_nm"], steps)
+        return traced(Tracing("f_kHz", (low, high), steps, told), first, of, starts)
+
+
+@contextmanager
+def _working(system: HybridSystem, progress: bool | Report) -> Iterator[bool | Report]:
+    """Give whom to tell of each orbit and motion; matrices of long periods have some hundred rows."""
+    with Reporter(progress) as reporter, one_thread(len(system.states) * STEPS.pieces):
+
+        def told(one: Progress) -> None:
+            reporter.step(1, one.text, one.last)
+
+        yield told if reporter.report is not None else False
 
 
 def from_afar(

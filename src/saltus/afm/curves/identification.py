@@ -130,7 +130,6 @@ def fit(
     observables = {name: known[name] for name in sigma if name in known} | dict(options.observables)
     turns = {name: _TURN_DEG for name in sigma if str(name).startswith("lag_deg")} | dict(options.turns)
     options = replace(options, observables=observables, turns=turns)
-    instrument = instrument.among(vary)
     bounds = _range(numbers_of(table, along), along, vary.get(OFFSET, (0.0, 0.0)))
 
     steps = options.steps

@@ -29,6 +29,7 @@ from saltus.continuation.many.way import is_interrupted
 from saltus.continuation.results.sheets import stretches_of
 from saltus.errors import ConvergenceError, SaltusError
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
+from saltus.progress import Progress
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -136,9 +137,17 @@ def _with_landings(curve: Curve, how: Tracing) -> Curve:
 
 def _lost(curve: Curve, how: Tracing, tried: Container[tuple[float, float]], *, windows: bool) -> list[Landing]:
     """Return the landings of a curve's ways on motions that are on no sheet, and whose sheets were not yet sought."""
+    if windows:
+        _tell(how, "windows of other motions are passed")
     ways = curve.ways if windows else ways_of(curve.branches, curve.bounds, windows=False)
     landings = (one for way in ways for one in way.lost)
     return [one for one in landings if _is_traced(one.after, how) and _place(one, how) not in tried]
+
+
+def _tell(how: Tracing, text: str) -> None:
+    """Tell what begins, which takes long where motions do not settle."""
+    if callable(how.progress):
+        how.progress(Progress(0, None, 0.0, text))
 
 
 def _place(landing: Landing, how: Tracing) -> tuple[float, float]:
@@ -172,6 +181,7 @@ def _with_asked(curve: Curve, how: Tracing, place: float, starts: Sequence[_Star
     told = []
     for start in starts:
         where = f"{how.along} = {place:.6g}, {start.words}"
+        _tell(how, f"a motion settles at {where}")
         try:
             found = settled_orbit(system, parameters, start.x0, start.mode, known)
         except SaltusError as error:

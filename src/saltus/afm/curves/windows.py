@@ -19,7 +19,7 @@ _LARGEST = 0.025  # largest step, over the range
 _DISCARDED = 4.0  # periods at each place that are not looked at, over those in which a free motion falls to 1/e
 _FEWEST = 100  # periods at each place that are not looked at, at the least
 _KEPT = 100  # periods at each place in which a motion is to repeat
-_TURNS = 16  # periods of the longest orbit that is found
+_TURNS = 4  # periods of the longest orbit that is found: sheets of longer ones are not followed
 
 
 class Window(NamedTuple):
@@ -32,7 +32,7 @@ class Window(NamedTuple):
 
 
 def carried_on(branch: Branch, value: float, before: PeriodicOrbit, end: float, span: float) -> Iterator[PeriodicOrbit]:
-    """Yield the periodic orbits on which a motion settles that is carried from a value to the end of a range.
+    """Yield the orbits of few periods on which a motion settles that is carried from a value to the end of a range.
 
     A branch keeps what was found, as the ways of a curve are sought again after each new sheet.
 
@@ -82,7 +82,7 @@ def _motions(branch: Branch, value: float, before: PeriodicOrbit, end: float, sp
         if motion.reason:
             return
         x, mode = motion.state, motion.mode
-        if not 1 <= motion.period <= _TURNS:
+        if not 1 <= motion.period <= max(_TURNS, before.form.turns):
             continue
         try:
             yield find_orbit(system, {**parameters, name: place}, x, mode=mode, settle=1.0)

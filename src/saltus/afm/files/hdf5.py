@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import mmap
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,6 +20,9 @@ __all__ = ["check_room", "opened", "read_hdf5"]
 
 _KIND = "an HDF5 file with curves"
 _MOST = 2**28  # bytes of one dataset, at most
+# end of the type of a text of any length in a file, behind the size of its descriptor: bytes of 8 bits
+_OF_BYTES = bytes([0, 0, 0, 1, 0, 0, 0, 0, 0, 8, 0])
+_DESCRIPTORS = (12, 16)  # bytes of a descriptor: a length of 4, an address of 4 or 8, an index of 4
 _UNITS = ("unit", "units", "Unit", "Units")  # attributes that tell a dataset's unit
 _CALIBRATION = {
     "k_N_m": ("spring constant", "N/m", "N/m"),
@@ -29,11 +33,46 @@ _WAYS = {0: "approach", 1: "retract"}  # what the column `segment` of afmformats
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[Any]:
-    """Give an HDF5 file; whatever h5py raises of a broken one comes as it is."""
+    """Give an HDF5 file; whatever h5py raises of a broken one comes as it is, and `ValueError` of too long a text."""
     import h5py
 
+    _check_texts(Path(path))
     with h5py.File(path, "r") as file:
         yield file
+
+
+def _check_texts(path: Path) -> None:
+    """Raise `ValueError` where an attribute tells a text longer than its file: HDF5 would make room before it looks.
+
+    HDF5 File Format Specification 3.0, IV.A.2.d (datatype), IV.A.2.b (dataspace) and IV.A.2.m (attribute): behind the
+    type, which older messages fill up to 8 bytes, are the dataspace and the descriptors.
+    """
+    size = path.stat().st_size
+    if not size:
+        return
+    with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as held:
+        at = held.find(_OF_BYTES)
+        while at >= 0:
+            begin = at - 9
+            wide = int.from_bytes(held[begin + 4 : begin + 8], "little") if begin >= 0 else 0
+            if wide in _DESCRIPTORS and held[begin] & 15 == 9:
+                for filled in (0, 4):
+                    _check_lengths(held, at + len(_OF_BYTES) + filled, wide)
+            at = held.find(_OF_BYTES, at + 1)
+
+
+def _check_lengths(held: mmap.mmap, at: int, wide: int) -> None:
+    """Raise `ValueError` where a dataspace is at a place, and a descriptor behind it tells more bytes than the file."""
+    head = held[at : at + 8]
+    if len(head) < 8 or head[0] not in (1, 2) or head[1] > 1 or head[2] > 1 or (head[0] == 1 and any(head[3:])):
+        return
+    first = at + (8 if head[0] == 1 else 4)
+    count = int.from_bytes(held[first : first + 8], "little") if head[1] else 1
+    begin = first + 8 * head[1] * (1 + head[2])
+    for k in range(count if count * wide <= len(held) - begin else 0):
+        length = int.from_bytes(held[begin + k * wide : begin + k * wide + 4], "little")
+        if length > len(held):
+            raise ValueError(f"an attribute tells a text of {length:,} bytes, and the file has {len(held):,}")
 
 
 def check_room(dataset: Any) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from saltus.afm.files.columns import FileColumn, FileContents, bounded, numbers_of, parsed, whole
-from saltus.afm.files.hdf5 import check_room
+from saltus.afm.files.hdf5 import check_room, opened
 from saltus.errors import InputError
 
 __all__ = ["read_nhf", "read_nid"]
@@ -149,7 +149,7 @@ def read_nhf(path: Path) -> FileContents:
 
     def read(stream: Any) -> list[FileColumn]:
         found: list[FileColumn] = []
-        with h5py.File(stream, "r") as file:
+        with opened(stream) as file:
             if int(file.attrs["nsf_file_version_major"]) != _NHF_VERSION:
                 raise ValueError(f"its format has version {file.attrs['nsf_file_version_major']}, not {_NHF_VERSION}")
             groups: list[Any] = []

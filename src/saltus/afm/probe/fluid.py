@@ -16,7 +16,7 @@ from saltus.afm.probe.beam import wavenumbers
 from saltus.afm.probe.cantilever import Cantilever
 from saltus.afm.probe.hydrodynamic import REYNOLDS, hydrodynamic_function
 from saltus.afm.probe.probe import MOST_MODES, Probe
-from saltus.afm.probe.units import QUANTITIES, checked
+from saltus.afm.probe.units import NONE_INSISTS, QUANTITIES, checked
 from saltus.errors import InputError
 
 __all__ = ["Fluid", "FluidMode", "fluid_modes", "immersed"]
@@ -284,7 +284,9 @@ def _sizes(cantilever: Cantilever, plan_um: tuple[float, float] | None) -> tuple
     if len(sizes := checks.listed("plan_um", plan_um, allowed, most=2)) != 2:
         raise InputError("plan_um", plan_um, allowed)
     length, width = sizes
-    return checked("length_um", length), checked("width_um", width)
+    known = {"length_um": length, "width_um": width}
+    found = [checked(name, value, insists=NONE_INSISTS) for name, value in known.items()]
+    return found[0], found[1]
 
 
 def _around(fluid: Fluid, length: float, width: float) -> float:

@@ -16,6 +16,7 @@ from saltus.errors import InputError
 
 __all__ = [
     "ENERGY_EV",
+    "NONE_INSISTS",
     "QUANTITIES",
     "Quantity",
     "check_changes",
@@ -145,6 +146,9 @@ def quantity_of(name: str) -> Quantity | None:
     ('N/m', None)
     """
     return QUANTITIES.get(re.sub(r"_[2-9]\d*$", "", name))
+
+
+NONE_INSISTS = "no other value is taken"  # hint of functions without the argument check
 
 
 def checked(

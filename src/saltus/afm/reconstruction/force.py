@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus import checks
 from saltus.afm.laws.law import Law
-from saltus.afm.probe.units import checked
+from saltus.afm.probe.units import NONE_INSISTS, checked
 from saltus.afm.reconstruction.inflection import Inflection
 from saltus.afm.reconstruction.law_fit import Averages, LawFit, fitted_law
 from saltus.result import Result, frozen
@@ -153,7 +153,7 @@ class ReconstructedForce(Result):
         0.1200
         """
         checks.instance("law", law, Law)
-        radius = self.R_nm if R_nm is None else checked("R_nm", R_nm)
+        radius = self.R_nm if R_nm is None else checked("R_nm", R_nm, insists=NONE_INSISTS)
         data = Averages(self.k_N_m, self.centre_nm, self.amplitude_nm, self.shift, self.shift_sigma, self.errors_given)
         return fitted_law(data, law, vary, D_nm, radius)
 

@@ -13,7 +13,7 @@ from saltus import checks
 from saltus.afm.models.modelling import frequency_of
 from saltus.afm.probe.drive import Drive, Drives
 from saltus.afm.probe.probe import Probe
-from saltus.afm.probe.units import checked
+from saltus.afm.probe.units import NONE_INSISTS, checked
 from saltus.afm.reconstruction.averages import averages, bent_gaps, cosines, grid_of
 from saltus.afm.reconstruction.force import ReconstructedForce
 from saltus.afm.reconstruction.formulas import FORMULAS, force_matrix
@@ -133,14 +133,14 @@ def reconstruct_force(
     if drive is None:
         if f_kHz != "f0":
             raise InputError("f_kHz", f_kHz, "not given with A_nm: shift_Hz counts from f0")
-        observed = frequency_modulation(table, probe, checked("A_nm", A_nm), sigma)
+        observed = frequency_modulation(table, probe, checked("A_nm", A_nm, insists=NONE_INSISTS), sigma)
     else:
         first = checks.instance("drive", drive, Drive | Drives).parts[0]
         mode = first.mode - 1
         if mode >= probe.modes:
             raise InputError("mode", first.mode, f"a mode of the probe, up to {probe.modes}")
         f = frequency_of(f_kHz, list(probe.f0_kHz)[mode], list(probe.Q)[mode])  # type: ignore[arg-type]
-        observed = amplitude_modulation(table, probe, first, checked("f_kHz", f), sigma)
+        observed = amplitude_modulation(table, probe, first, checked("f_kHz", f, insists=NONE_INSISTS), sigma)
     with one_thread(len(observed.shift)):
         return _made(observed, probe, method, bool(sigma))
 
