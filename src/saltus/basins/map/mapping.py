@@ -18,7 +18,6 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, is_dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -41,6 +40,7 @@ from saltus.errors import InputError, nearest
 from saltus.progress import Report, Reporter, ended
 from saltus.system import HybridSystem, Map
 from saltus.system.maps import checked_system
+from saltus.version import __version__
 
 if TYPE_CHECKING:
     import os
@@ -154,7 +154,7 @@ def map_basins(
         labelling, reason = with_traps(settings, found, cells)
         inputs = {
             **labelling.definition(), "longest_reason": reason, "labels": dict(found.labels),
-            "saltus_version": version("saltus"), **search,
+            "saltus_version": __version__, **search,
         }  # fmt: skip
         if kept is not None:
             inputs = _same_inputs(kept, cells, inputs)
