@@ -34,9 +34,10 @@ lint: ## style, types and the contract between the floors
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
-bench: ## run the benchmarks; benchmarks/README.md keeps the results
+bench: ## run the benchmarks, append to benchmarks/history.csv; benchmarks/README.md keeps results with reasons
 	@tools/make_env.sh run
-	@set -e; for file in benchmarks/bench_*.py; do echo "$$file"; $(BIN)/python "$$file"; done
+	@set -e; for file in benchmarks/bench_*.py; do echo "$$file"; BENCH_HISTORY=benchmarks/history.csv $(BIN)/python "$$file"; done
+	$(BIN)/python tools/bench_page.py
 
 dist: ## build sdist and wheel, check them, try the wheel in fresh environments (DIST_ARGS="--python python3.13")
 	@tools/make_env.sh run

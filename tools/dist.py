@@ -4,6 +4,7 @@
     python tools/dist.py --python PATH [PATH ...] with other interpreters
     python tools/dist.py --lowest                 with the lowest versions that pyproject.toml allows
     python tools/dist.py --no-try                 build and check alone
+    python tools/dist.py --tag v0.2.0             refuse unless this is the tag of the version
 
 A fresh environment knows nothing of this checkout. First it gets the wheel alone, then the wheel with its extra `app`;
 `tools/smoke.py` runs in both. Environments are deleted at the end.
@@ -61,7 +62,9 @@ def main() -> None:
     parser.add_argument("--python", nargs="+", default=[sys.executable], metavar="PATH")
     parser.add_argument("--lowest", action="store_true")
     parser.add_argument("--no-try", action="store_true")
+    parser.add_argument("--tag", default="")
     chosen = parser.parse_args()
+    _expect(chosen.tag in ("", f"v{version()}"), f"the tag is {chosen.tag}, the version {version()}")
     wheel = build()
     check(wheel)
     for python in [] if chosen.no_try else chosen.python:
