@@ -15,8 +15,20 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-COLUMNS = ("date", "commit", "machine", "versions", "benchmark", "quantity", "min_s", "median_s", "peer", "ratio")
-"""Columns of the history: seconds, and how many times faster than the peer in the same run."""
+COLUMNS = (
+    "date",
+    "commit",
+    "machine",
+    "versions",
+    "benchmark",
+    "quantity",
+    "min_s",
+    "median_s",
+    "peer",
+    "ratio",
+    "load",
+)
+"""Columns of the history: seconds, how many times faster than the peer in the same run, processes that wanted a core."""
 
 
 def interleaved(works: Mapping[str, Callable[[], Any]], repeats: int) -> dict[str, list[float]]:
@@ -53,6 +65,7 @@ def record(
 ) -> None:
     """Append a table to the history, a row for each quantity; `commit` is that of this checkout if left out."""
     known = history.exists()
+    load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     run = (datetime.datetime.now(datetime.UTC).date().isoformat(), commit or _commit(), processor(), machine())
     with history.open("a", newline="", encoding="utf-8") as file:
         rows = csv.writer(file, lineterminator="\n")
@@ -62,7 +75,7 @@ def record(
             peer = peers.get(name, "")
             ratio = f"{min(seconds[peer]) / min(values):.3g}" if peer in seconds else ""
             times = (f"{min(values):.4g}", f"{statistics.median(values):.4g}")
-            rows.writerow([*run, title, name, *times, peer if ratio else "", ratio])
+            rows.writerow([*run, title, name, *times, peer if ratio else "", ratio, load])
 
 
 def processor() -> str:

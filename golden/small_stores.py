@@ -12,10 +12,12 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from saltus import afm, map_basins
+from discrete import tent_of
+from saltus import find_attractors, map_basins
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Continue, FindOrbit, Place
 from saltus.explorer.subjects import of_system
+from saltus.options import AttractorOptions
 from systems import ball_on_table
 
 STORE = "plane.zarr"
@@ -28,9 +30,10 @@ STEPS = {
 
 
 def write_store(path: Path) -> None:
-    """Map basins of tapping mode at 15 x 15 cells into a store."""
-    model = afm.tapping_mode(afm.table1(), modes=1)
-    map_basins(model, {"Omega": 1.15}, {"q1": (-5.0, 5.0, 15), "v1": (-5.0, 5.0, 15)}, path=path)
+    """Map basins of a tent map at 12 cells into a store."""
+    tent, region = tent_of(), {"x": (-0.2, 1.2)}
+    found = find_attractors(tent, {"a": 1.7}, region, options=AttractorOptions(starts=16, samples=100))
+    map_basins(tent, {"a": 1.7}, {"x": (-0.2, 1.2, 12)}, found, path=path)
 
 
 def write_session(path: Path) -> None:

@@ -26,12 +26,13 @@ def page(history: Path = HISTORY) -> str:
         "`make bench` appends each measured quantity to `benchmarks/history.csv`, with date, commit and machine.",
         "`tools/bench_page.py` writes this page from it. A cell is the minimum over interleaved repeats.",
         "In brackets stands how many times faster it is than its peer in the same run.",
-        "Machines differ, and are busy at times: compare ratios before seconds.",
+        "Machines differ: compare ratios before seconds. The load is how many processes wanted a core, at most.",
+        "Above one, times and ratios of that run are those of a busy machine.",
         "Results with their reasons stand in the [benchmarks](../benchmarks/README.md).",
         "",
-        "| run | date | commit | machine | versions |",
-        "|---|---|---|---|---|",
-        *(f"| {number} | {' | '.join(run)} |" for run, number in runs.items()),
+        "| run | date | commit | machine | versions | load |",
+        "|---|---|---|---|---|---|",
+        *(f"| {number} | {' | '.join(run)} | {_busiest(rows, run)} |" for run, number in runs.items()),
     ]
     for benchmark in dict.fromkeys(row["benchmark"] for row in rows if _run(row) in runs):
         here = [row for row in rows if row["benchmark"] == benchmark and _run(row) in runs]
@@ -48,6 +49,11 @@ def page(history: Path = HISTORY) -> str:
 
 def _run(row: Row) -> tuple[str, ...]:
     return tuple(_cell(row[name]) for name in ("date", "commit", "machine", "versions"))
+
+
+def _busiest(rows: list[Row], run: tuple[str, ...]) -> str:
+    loads = [float(row["load"]) for row in rows if _run(row) == run and row["load"]]
+    return f"{max(loads):.1f}" if loads else ""
 
 
 def _told(row: Row) -> str:

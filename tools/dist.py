@@ -105,7 +105,7 @@ def check(wheel: Path) -> None:
     _expect((size := wheel.stat().st_size) <= LARGEST_WHEEL, f"the wheel has {size} bytes, above {LARGEST_WHEEL:.0f}")
     (archive,) = DIST.glob("*.tar.gz")
     print(f"{wheel.name}: {size / 1e6:.2f} MB, {len(names)} files")
-    print(f"{archive.name}: {archive.stat().st_size / 1e6:.2f} MB")
+    print(f"{archive.name}: {archive.stat().st_size / 1e6:.2f} MB", flush=True)
 
 
 def version() -> str:
@@ -158,7 +158,9 @@ def attempt(python: str, wheel: Path, pins: list[str]) -> None:
             sizes = sizes_of(inside, home)
             told = ", ".join(f"{name} {size:.0f}" for name, size in sorted(sizes.items(), key=lambda of: -of[1])[:6])
             name = f"saltus{extra}, Python {_version(inside, home)}{', lowest versions' if pins else ''}"
-            print(f"{name}: {len(sizes)} packages, {sum(sizes.values()):.0f} MB: {told}")
+            bytecode = sum(path.stat().st_size for path in (home / "env").rglob("*.pyc")) / 1e6
+            whole = f"{sum(sizes.values()):.0f} MB, of which {bytecode:.0f} bytecode"
+            print(f"{name}: {len(sizes)} packages, {whole}: {told}", flush=True)
             part = "standard" if extra else "core"
             # isolated: neither the folder of the script nor that of the caller is looked at
             _run(

@@ -407,7 +407,12 @@ def _opened(path: Path) -> Result:
         kind = attributes["saltus_result"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError("path", str(path), "a store written by saltus", f"{type(error).__name__} {error}") from error
-    opened: Result = _home(kind, path, attributes.get("saltus_version")).open(path)
+    writer = attributes.get("saltus_version")
+    try:
+        opened: Result = _home(kind, path, writer).open(path)
+    except InputError as error:
+        name, value, allowed, hint = error.args
+        raise InputError(name, value, allowed, "; ".join([*filter(None, [hint]), *_written_by(writer)])) from error
     return opened
 
 

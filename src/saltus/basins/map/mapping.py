@@ -37,6 +37,7 @@ from saltus.basins.map.patience import Patience, patience_for
 from saltus.basins.map.store import Store, check_same
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Traps
 from saltus.errors import InputError, nearest
+from saltus.extras import check_installed
 from saltus.progress import Report, Reporter, ended
 from saltus.system import HybridSystem, Map
 from saltus.system.maps import checked_system
@@ -247,7 +248,10 @@ def _count(cells: Sequence[slice]) -> int:
 
 
 def _path(path: object) -> Path | None:
-    return None if path is None else checks.path("path", path, "the path of a folder")
+    if path is None:
+        return None
+    check_installed("zarr", "xarray")
+    return checks.path("path", path, "the path of a folder")
 
 
 def _grid(system: HybridSystem | Map, grid: Any) -> Grid:
