@@ -16,19 +16,10 @@ from pathlib import Path
 from typing import Any
 
 COLUMNS = (
-    "date",
-    "commit",
-    "machine",
-    "versions",
-    "benchmark",
-    "quantity",
-    "min_s",
-    "median_s",
-    "peer",
-    "ratio",
-    "load",
+    *("date", "commit", "machine", "versions", "benchmark", "quantity", "min_s", "median_s", "peer"),
+    *("ratio", "load"),
 )
-"""Columns of the history: seconds, how many times faster than the peer in the same run, processes that wanted a core."""
+"""Columns of the history: times in s, how many times faster than the peer in the same run, waiting processes."""
 
 
 def interleaved(works: Mapping[str, Callable[[], Any]], repeats: int) -> dict[str, list[float]]:
