@@ -64,7 +64,7 @@ def standard() -> None:
     _expect(_said("--version").split() == ["saltus", saltus.__version__], "the command tells another version")
     _said("reproduce", "fig3", "-o", "results")
     points = json.loads(Path("results/fig3.json").read_text(encoding="utf-8"))["special_points"]
-    kinds = [point["label"][:2] for point in points]
+    kinds = [point["type"] for point in points]
     _expect((kinds.count("SN"), kinds.count("PD"), kinds.count("GR")) == (6, 2, 2), f"Fig. 3 has {kinds}")
     _expect(Path("results/fig3.png").stat().st_size > 10_000, "Fig. 3 is no picture")
     _expect("repulsive" in _said("basins", "info", "plane.zarr"), "the command does not know the store")
