@@ -13,6 +13,7 @@ import subprocess
 import sys
 import sysconfig
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
@@ -117,6 +118,8 @@ def _page() -> None:
                 with urllib.request.urlopen(url, timeout=PATIENCE) as answer:
                     page = answer.read().decode()
                 break
+            except urllib.error.HTTPError as error:
+                raise SystemExit(f"smoke test: the page answers {error}") from error
             except OSError as error:
                 _expect(time.monotonic() - begun < PATIENCE, f"no page at {url}: {error}")
                 time.sleep(0.2)
