@@ -1,11 +1,12 @@
 # saltus: `make` lists the targets. PYTHON=python3.12 make ... chooses the interpreter.
 .POSIX:
 .NOTPARALLEL:
-.PHONY: help demo test campaign thorough lint bench lock clean
+.PHONY: help demo test campaign thorough lint bench dist lock clean
 
 BIN = .venv/bin
 PYTEST_ARGS = -n 2 --dist worksteal
 LOCK_ARGS =
+DIST_ARGS =
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile | expand -t 8
@@ -33,9 +34,14 @@ lint: ## style, types and the contract between the floors
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
-bench: ## run the benchmarks; benchmarks/README.md keeps the results
+bench: ## run the benchmarks, append to benchmarks/history.csv; benchmarks/README.md keeps results with reasons
 	@tools/make_env.sh run
-	@set -e; for file in benchmarks/bench_*.py; do echo "$$file"; $(BIN)/python "$$file"; done
+	@set -e; for file in benchmarks/bench_*.py; do echo "$$file"; BENCH_HISTORY=benchmarks/history.csv $(BIN)/python "$$file"; done
+	$(BIN)/python tools/bench_page.py
+
+dist: ## build sdist and wheel, check them, try the wheel in fresh environments (DIST_ARGS="--python python3.13")
+	@tools/make_env.sh run
+	$(BIN)/python tools/dist.py $(DIST_ARGS)
 
 lock: ## renew both lock files after a change of pyproject.toml (LOCK_ARGS=--upgrade: all to the newest)
 	@tools/lock.sh $(LOCK_ARGS)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from small_set import computed
+from small_stores import SESSION, STEPS, STORE
 
-from saltus import load
+import saltus
+from saltus import InputError, load
+from saltus.explorer.session import Session, new_folder
 
 SMALL = Path(__file__).parents[1] / "golden" / "small"
+STORES = {path.stem.removeprefix("stores-"): path for path in SMALL.glob("stores-*.zip")}
 ARCHIVES = {path.stem.removeprefix("files-"): path for path in SMALL.glob("files-*.zip")}
 KEPT = [(version, name) for version, path in ARCHIVES.items() for name in zipfile.ZipFile(path).namelist()]
 SAME = 1e-9  # of a variable's size: the last bits depend on the processor
@@ -34,6 +39,41 @@ def test_a_file_of_each_kind_is_kept():
 def test_a_file_of_an_older_version_is_read_and_saved_as_it_was(version, name, tmp_path):
     found = kept(version, name, tmp_path)
     assert load(found.save(tmp_path / "again.nc")) == found
+
+
+def unpacked(version, folder):
+    """A folder with the store and the session of a version."""
+    with zipfile.ZipFile(STORES[version]) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+@pytest.mark.parametrize("version", STORES)
+def test_a_store_of_an_older_version_is_opened(version, tmp_path):
+    basins = load(unpacked(version, tmp_path) / STORE)
+    assert basins.grid.shape == (12,)
+    assert basins.stopped == "all 12 cells done"
+    assert load(basins.save(tmp_path / "again.nc")).fractions() == basins.fractions()
+    left = basins.to_xarray()["labels"].to_numpy() == basins.attractors.labels["diverged"]
+    assert [*np.flatnonzero(left)] == [0, 1, 10, 11]  # outside of [0, 1] the map leaves for minus infinity
+
+
+@pytest.mark.parametrize("version", STORES)
+def test_a_session_of_an_older_version_is_opened(version, tmp_path):
+    session = Session.unpacked(unpacked(version, tmp_path) / SESSION, new_folder(tmp_path))
+    assert [entry.name for entry in session.entries] == [*STEPS]
+    assert [entry.step for entry in session.entries] == [*STEPS.values()]
+    assert session.results["branch1"]["SN1"].parameters["a"] == pytest.approx(np.pi / 3)
+
+
+def test_a_store_of_another_version_that_cannot_be_opened_says_which_version_wrote_it(tmp_path):
+    store = unpacked("0.1.0", tmp_path) / STORE
+    metadata = json.loads((store / "zarr.json").read_text())
+    del metadata["attributes"]["grid"]
+    (store / "zarr.json").write_text(json.dumps(metadata))
+    said = f"saltus 0.1.0 wrote it, this is {saltus.__version__}: load it with that version"
+    with pytest.raises(InputError, match=said.replace(".", r"\.")):
+        load(store)
 
 
 @pytest.mark.campaign

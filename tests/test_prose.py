@@ -64,6 +64,11 @@ def test_the_map_of_files_is_the_one_that_its_tool_writes():
     assert tool["page"]() == text_of("docs/files.md"), "run python tools/file_map.py"
 
 
+def test_the_page_of_benchmarks_is_the_one_that_its_tool_writes():
+    tool = runpy.run_path(str(ROOT / "tools" / "bench_page.py"))
+    assert tool["page"]() == text_of("docs/benchmarks_over_time.md"), "run python tools/bench_page.py"
+
+
 def test_the_architecture_stays_short():
     assert len(text_of("docs/architecture.md").splitlines()) <= 200
 

@@ -17,5 +17,5 @@ resolve() {
         --generate-hashes --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" "$@"
 }
 
-resolve --output-file requirements.lock "$@"
+resolve --output-file requirements.lock --extra standard "$@"
 resolve --output-file requirements-test.lock --extra test --constraints requirements.lock "$@"

@@ -92,7 +92,7 @@ make_venv() {
 recipe() {
     echo "$root"
     version_of .venv/bin/python
-    cat "$1" pyproject.toml
+    cat "$1" pyproject.toml src/saltus/version.py
 }
 
 if venv_fits && recipe "$lock" | cmp -s - ".venv/.recipe-$1"; then

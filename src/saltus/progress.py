@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Any, Self, TypeAlias
 
 from saltus.errors import InputError
+from saltus.extras import check_installed
 
 __all__ = ["Progress", "Report", "Reporter", "duration_text", "ended", "in_notebook", "shown"]
 
@@ -164,6 +165,7 @@ def shown(first: str = "starting") -> Iterator[Report]:
         with _shown_below_cell(first) as report:
             yield report
         return
+    check_installed("rich")
     from rich.console import Console
     from rich.progress import BarColumn, Progress as Bar, TextColumn
 

@@ -23,7 +23,9 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError, SaltusError
+from saltus.extras import check_installed
 from saltus.files import checked_seal, is_sealed, write_sealed
+from saltus.version import __version__
 from saltus.work import interrupt_waits
 
 if TYPE_CHECKING:
@@ -223,10 +225,8 @@ class Result(ABC):
 
 def tagged(result: Result) -> xr.Dataset:
     """Return a result as a Dataset from which `load` knows its kind."""
-    from importlib.metadata import version
-
     dataset = result.to_xarray()
-    dataset.attrs |= {"saltus_result": type(result).__name__, "saltus_version": version("saltus")}
+    dataset.attrs |= {"saltus_result": type(result).__name__, "saltus_version": __version__}
     return dataset
 
 
@@ -236,6 +236,7 @@ def netcdf(datasets: Mapping[str, xr.Dataset]) -> memoryview:
     It is made in memory. HDF5 that writes to a disk loses an interrupt, and may report a full disk only when the file
     is closed.
     """
+    check_installed("h5netcdf", "h5py")
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
@@ -272,7 +273,7 @@ def load(path: str | os.PathLike[str]) -> Result:
         ...
     saltus.errors.InputError: path = 'nowhere.nc': must be a file that exists
     """
-    import xarray as xr
+    from saltus.extras import xr
 
     path = checks.path("path", path)
     if os.path.isfile(path / _STORE):
@@ -297,6 +298,7 @@ def reading(path: Path) -> Iterator[None]:
     """Check that a NetCDF file is whole and no larger than it looks; turn what goes wrong then into an `InputError`."""
     if not os.path.isfile(path):
         raise InputError("path", str(path), "a file that exists", "it is a folder" if os.path.isdir(path) else "")
+    check_installed("h5netcdf", "h5py")
     if not checked_seal(path):
         _look_from_afar(path)
     with _decoding("path", str(path)):
@@ -316,7 +318,7 @@ look(sys.argv[1])
 
 def look(path: str) -> None:
     """Read everything in a NetCDF file, and forget it."""
-    import xarray as xr
+    from saltus.extras import xr
 
     _check_size(Path(path), os.path.getsize(path))
     with xr.open_datatree(path, **READ) as tree:
@@ -343,7 +345,7 @@ def _look_from_afar(path: Path) -> None:
 
 def dataset_in(content: bytes, name: str) -> xr.Dataset:
     """Return the Dataset in the content of a NetCDF file, as `netcdf` makes it; `name` is what messages call it."""
-    import xarray as xr
+    from saltus.extras import xr
 
     shown = f"{len(content)} bytes"
     if not is_sealed(BytesIO(content), name, shown):
@@ -405,7 +407,12 @@ def _opened(path: Path) -> Result:
         kind = attributes["saltus_result"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError("path", str(path), "a store written by saltus", f"{type(error).__name__} {error}") from error
-    opened: Result = _home(kind, path, attributes.get("saltus_version")).open(path)
+    writer = attributes.get("saltus_version")
+    try:
+        opened: Result = _home(kind, path, writer).open(path)
+    except InputError as error:
+        name, value, allowed, hint = error.args
+        raise InputError(name, value, allowed, "; ".join([*filter(None, [hint]), *_written_by(writer)])) from error
     return opened
 
 
@@ -419,8 +426,6 @@ def _home(kind: Any, path: Path, writer: Any) -> Any:
 
 def _written_by(writer: Any) -> list[str]:
     """Return what to say of a file that another version wrote; nothing of one that this version wrote."""
-    from importlib.metadata import version
-
-    if not isinstance(writer, str) or writer == version("saltus"):
+    if not isinstance(writer, str) or writer == __version__:
         return []
-    return [f"saltus {writer[:_TOLD]} wrote it, this is {version('saltus')}: load it with that version"]
+    return [f"saltus {writer[:_TOLD]} wrote it, this is {__version__}: load it with that version"]

@@ -25,6 +25,7 @@ from saltus.cli.console import (
     write_picture,
 )
 from saltus.errors import InputError, SaltusError
+from saltus.version import __version__
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -84,9 +85,7 @@ def _fail(text: str) -> NoReturn:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"saltus {version('saltus')}")
+        typer.echo(f"saltus {__version__}")
         raise typer.Exit
 
 

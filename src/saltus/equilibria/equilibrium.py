@@ -203,7 +203,7 @@ class Equilibrium(AlgebraicSolution):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the equilibrium as a Dataset: the state against ``state``, eigenvalues against ``eigenvalue``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         data = {
             "equilibrium": ("state", self.state),

@@ -83,7 +83,7 @@ def open_explorer(
 
 
 def _check_installed() -> None:
-    missing = [name for name in ("panel", "bokeh") if find_spec(name) is None]
+    missing = [name for name in ("panel", "bokeh", "matplotlib", "pydantic", "xarray") if find_spec(name) is None]
     if missing:
         raise SaltusError(f"the explorer needs {' and '.join(missing)}: pip install 'saltus[app]'")
 

@@ -295,7 +295,7 @@ def _glyphs(portrait: Any, series: Any) -> dict[str, Any]:
     forms = {
         "field": (portrait, {"line_width": 1.0, "line_alpha": 0.45, "level": "underlay"}),
         "nullclines": (portrait, {"line_width": 1.5, "level": "underlay"}),
-        "surfaces": (portrait, {"line_width": 1.5, "line_dash": [6, 3], "level": "underlay"}),
+        "surfaces": (portrait, {"line_width": 1.5, "line_dash": "6 3", "level": "underlay"}),
         "motions": (portrait, {"line_width": 1.2, "line_alpha": 0.8, "level": "underlay"}),
         "motions_over_time": (series, {"line_width": 1.2, "line_alpha": 0.8, "level": "underlay"}),
     }

@@ -249,7 +249,7 @@ class Session:
         InputError
             The file holds no session, or a damaged one.
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         with reading(file), xr.open_datatree(file, **READ) as tree:
             text = tree.attrs.get(SESSION)
@@ -277,7 +277,7 @@ class Session:
         InputError
             The file cannot be written.
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         root = xr.Dataset(attrs={SESSION: json.dumps(self._notes(self.entries))})
         groups = {entry.name: tagged(entry.result) for entry in self.entries}

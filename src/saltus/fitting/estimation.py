@@ -373,7 +373,7 @@ def _notes(wanted: Task, found: Minimum, objective: Objective) -> tuple[str, ...
 
 def _dataset(found: Evaluation) -> xr.Dataset:
     """Return the data with the model beside them."""
-    import xarray as xr
+    from saltus.extras import xr
 
     measured, (sheet, _, side) = found.measured, found.assigned
     count, rows = len(measured), measured.rows

@@ -183,8 +183,7 @@ def read_table(data: object) -> pd.DataFrame:
     InputError
         The data are none of these, or columns have different lengths.
     """
-    import pandas as pd
-    import xarray as xr
+    from saltus.extras import pd, xr
 
     if isinstance(data, pd.DataFrame):
         return _with_index(data)
@@ -214,7 +213,7 @@ def numbers_of(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
 
 def _column(name: str, values: object) -> NDArray[Any]:
     """Return a column as an array; numbers that are masked are missing."""
-    import pandas as pd
+    from saltus.extras import pd
 
     if isinstance(values, np.ma.MaskedArray) and values.ndim == 1:
         return np.asarray(pd.Series(values))
@@ -262,7 +261,7 @@ def read_measured(
     InputError
         A column is missing or holds no numbers; a standard error is missing or not positive.
     """
-    import pandas as pd
+    from saltus.extras import pd
 
     table = read_table(data)
     errors = checks.mapping("sigma", sigma, "standard errors by column, as {'max(x)': 0.01}")
@@ -299,7 +298,7 @@ def read_measured(
 
 def _numbers(name: str, values: NDArray[Any], *, complex_too: bool) -> NDArray[Any]:
     """Return a column of numbers; those that are missing are NaN."""
-    import pandas as pd
+    from saltus.extras import pd
 
     if values.dtype.kind == "O":
         values = np.where(pd.isna(values), np.nan, values)

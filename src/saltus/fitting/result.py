@@ -116,7 +116,7 @@ class Fit(Result):
     @property
     def correlation(self) -> pd.DataFrame:
         """Correlations of the varied parameters; NaN where the data do not tell one."""
-        import pandas as pd
+        from saltus.extras import pd
 
         spread = np.sqrt(np.diag(self.covariance))
         with np.errstate(invalid="ignore"):
@@ -203,7 +203,7 @@ class Fit(Result):
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a table of the varied parameters: value, standard error, profile, start and bounds."""
-        import pandas as pd
+        from saltus.extras import pd
 
         rows = [
             {
@@ -250,7 +250,7 @@ class Fit(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the fit as a Dataset: parameters along ``vary``, data along ``datum``, branches along ``point``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         data, coords = branches_together(self.branches, "sheet_of")
         own: dict[str, Any] = {
@@ -374,7 +374,7 @@ class Fit(Result):
 
 def _data_of(held: Contents) -> xr.Dataset:
     """Return the data in a file, checked."""
-    import xarray as xr
+    from saltus.extras import xr
 
     each = ("datum", "channel")
     held.size("datum", least=1)

@@ -65,7 +65,7 @@ def spectrum(
     >>> print(lines.sel(order=[0.0, 1.0, 1.5, 2.0]).round(9).values)
     [0.  1.  0.  0.5]
     """
-    import xarray as xr
+    from saltus.extras import xr
 
     phase = motion.system.phase
     begin, end = motion.begin, motion.end

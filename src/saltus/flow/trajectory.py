@@ -302,7 +302,7 @@ class Trajectory(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset with dimensions event, step, coefficient and state."""
-        import xarray as xr
+        from saltus.extras import xr
 
         modes = self.system.mode_names
         log = self.events

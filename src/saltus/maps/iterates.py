@@ -144,7 +144,7 @@ class Iterates(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset with the dimensions iteration and state."""
-        import xarray as xr
+        from saltus.extras import xr
 
         named = json.dumps(dict(enumerate(self.system.piece_names)))
         return xr.Dataset(

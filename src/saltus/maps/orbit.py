@@ -227,7 +227,7 @@ class MapOrbit(AlgebraicSolution):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the orbit as a Dataset: points against ``iteration`` and ``state``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         data = {
             "x": (("iteration", "state"), np.array(self.points)),

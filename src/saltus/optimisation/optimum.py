@@ -110,7 +110,7 @@ class Optimum(Result):
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a table of the constraints: side, value, bound and multiplier."""
-        import pandas as pd
+        from saltus.extras import pd
 
         columns = {"side": self.sides, "value": self.seen, "bound": self.limits, "multiplier": self.multipliers}
         return pd.DataFrame(columns, index=pd.Index(self.constraints, name="constraint"))

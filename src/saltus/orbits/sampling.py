@@ -68,7 +68,7 @@ def sample_orbit(problem: OrbitProblem, u: NDArray[np.float64], points: int = 40
     InputError
         `points` is no whole number, or less than 2.
     """
-    import xarray as xr
+    from saltus.extras import xr
 
     points = checks.size("points", points, 2)
     system, parameters = problem.system, _parameters(problem, u)

@@ -78,7 +78,7 @@ class Sensitivities:
 @lru_cache(maxsize=64)
 def _template(names: tuple[str, ...], parameters: tuple[str, ...]) -> xr.Dataset:
     """Return a Dataset with nothing in it: making one costs three times as much as copying it."""
-    import xarray as xr
+    from saltus.extras import xr
 
     nothing = np.full(len(parameters), math.nan)
     return xr.Dataset(dict.fromkeys(names, ("parameter", nothing)), {"parameter": list(parameters)})

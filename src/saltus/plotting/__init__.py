@@ -87,8 +87,12 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
 
 
 def picture_in_html(result: Any) -> str:
-    """Return a small picture of a result as HTML; empty of what has none, or has much to draw."""
-    if result.to_xarray().nbytes > _MOST_DRAWN:
+    """Return a small picture of a result as HTML; empty of what has none, has much to draw, or lacks packages."""
+    try:
+        check_matplotlib()
+        if result.to_xarray().nbytes > _MOST_DRAWN:
+            return ""
+    except SaltusError:  # no matplotlib, or no xarray
         return ""
     from base64 import b64encode
     from io import BytesIO

@@ -13,6 +13,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
+from saltus.extras import check_installed
 from saltus.files import whole_file
 from saltus.plotting.style import check_matplotlib
 from saltus.progress import Reporter
@@ -68,6 +69,7 @@ def checked_movie(path: str | os.PathLike[str], fps: int) -> Path:
     """
     path = checks.path("path", path)
     check_matplotlib()
+    check_installed("PIL")
     if path.suffix.lower() not in _KINDS:
         raise InputError("path", str(path), f"a file whose name ends in {' or '.join(_KINDS)}")
     if not path.parent.is_dir():

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from saltus import checks
 from saltus.continuation.core.point_types import POINT_TYPES
 from saltus.errors import InputError
+from saltus.extras import check_installed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -235,9 +236,9 @@ def panels_of(ax: Sequence[Axes] | Axes | None, count: int = 2) -> tuple[Axes, .
 
 
 def check_matplotlib() -> None:
-    """Raise `InputError` where matplotlib cannot be imported, as with an unknown backend in MPLBACKEND."""
+    """Raise where matplotlib cannot be imported: `SaltusError` if absent, `InputError` if MPLBACKEND is unknown."""
     try:
-        import matplotlib  # noqa: F401
+        check_installed("matplotlib")
     except ValueError as error:
         named = os.environ.get("MPLBACKEND")
         raise InputError("MPLBACKEND", named, "the name of a backend of matplotlib", "agg is one") from error

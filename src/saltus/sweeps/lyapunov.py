@@ -159,7 +159,7 @@ class LyapunovSpectrum(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset with dimensions exponent, row and state; rates are per unit of time."""
-        import xarray as xr
+        from saltus.extras import xr
 
         unit = self.system.rate_unit
         meaning = f"half width of the {CONFIDENCE:.0%} confidence interval, from at most {BATCHES} batch means"

@@ -278,7 +278,7 @@ class Sweep(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset, with the dimensions direction, value, kept, quantity, exponent and others."""
-        import xarray as xr
+        from saltus.extras import xr
 
         each = ("direction", "value")
         unit = f"per {self.system.time_unit}"

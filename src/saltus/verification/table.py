@@ -88,7 +88,7 @@ class Verification:
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the table: what, said, found, difference, allowed, verdict and place of each row."""
-        import pandas as pd
+        from saltus.extras import pd
 
         return pd.DataFrame(self.rows, columns=list(Row._fields))
 

@@ -127,7 +127,7 @@ class BimodalMap(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the map as a Dataset along ``axis_0``, ``axis_1`` and so on; errors have the prefix ``sigma_``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         axes = tuple(f"axis_{i}" for i in range(len(self.shape)))
         data: dict[str, Any] = {"status": (axes, self.status), "solutions": (axes, self.solutions)}

@@ -146,7 +146,7 @@ class Calibration(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the spectrum along ``bin`` and the values along ``name``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         data = {
             "psd": ("bin", self.psd, {"units": PSD_UNITS[self.unit], "long_name": "power spectral density"}),

@@ -68,7 +68,7 @@ def read_spectrum(
     ...     read_spectrum(file).iloc[0].to_dict()
     {'f_kHz': 1.0, 'psd_nm2_Hz': 4e-06}
     """
-    import pandas as pd
+    from saltus.extras import pd
 
     file = checks.path("path", path)
     try:

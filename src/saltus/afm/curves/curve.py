@@ -316,7 +316,7 @@ class Curve(Result):
         InputError
             There is no such direction.
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         way = self.ways[self.directions.index(checks.chosen("direction", direction, self.directions))]
         starts = np.cumsum([0, *(len(branch) for branch in self.branches)])
@@ -373,7 +373,7 @@ class Curve(Result):
         InputError
             A harmonic is below 1.
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         data, coords = branches_together(self.branches, "sheet")
         data |= {name: ("point", self.column(name), self._attributes(name)) for name in (self.along, *self._formulas)}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from saltus.afm.files.columns import FileColumn, FileContents, Lines, bounded, in_ways, numbers_of, parsed
 from saltus.errors import InputError
+from saltus.extras import check_installed
 
 __all__ = ["check_room", "opened", "read_hdf5"]
 
@@ -34,6 +35,7 @@ _WAYS = {0: "approach", 1: "retract"}  # what the column `segment` of afmformats
 @contextmanager
 def opened(path: str | Path) -> Iterator[Any]:
     """Give an HDF5 file; whatever h5py raises of a broken one comes as it is, and `ValueError` of too long a text."""
+    check_installed("h5py")
     import h5py
 
     _check_texts(Path(path))
@@ -101,6 +103,7 @@ def read_hdf5(path: Path) -> FileContents:
 
 
 def _read(path: Path) -> FileContents:
+    check_installed("h5py")
     import h5py
 
     places: dict[str, list[tuple[tuple[int, ...], str, int]]] = {}

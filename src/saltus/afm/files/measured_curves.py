@@ -91,7 +91,7 @@ def read_curve(
        f_kHz  amplitude_nm direction
     0  299.5          7.25        up
     """
-    import pandas as pd
+    from saltus.extras import pd
 
     path = checks.path("path", path)
     factors = checks.mapping("scale", scale, "columns to factors")

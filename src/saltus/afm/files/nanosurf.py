@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from saltus.afm.files.columns import FileColumn, FileContents, bounded, numbers_of, parsed, whole
 from saltus.afm.files.hdf5 import check_room, opened
 from saltus.errors import InputError
+from saltus.extras import check_installed
 
 __all__ = ["read_nhf", "read_nid"]
 
@@ -145,6 +146,7 @@ def _nid_numbers(one: Mapping[str, str], content: bytes) -> tuple[NDArray[np.flo
 
 def read_nhf(path: Path) -> FileContents:
     """Return the curves of a Nanosurf .nhf file, which is HDF5: one column a channel of a segment."""
+    check_installed("h5py")
     import h5py
 
     def read(stream: Any) -> list[FileColumn]:

@@ -38,7 +38,7 @@ def cells_of(path: Path) -> pd.DataFrame:
         The file cannot be read, is too large, or a row has more or fewer cells than the header. A comma in a number
         may be a decimal one or part thousands.
     """
-    import pandas as pd
+    from saltus.extras import pd
 
     try:
         if (size := path.stat().st_size) > _LARGEST:

@@ -99,7 +99,7 @@ class FrequencyShift(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the readings as a Dataset along ``point``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         data = {
             name: ("point", values, {"units": SHIFT_READINGS[name].unit, "long_name": SHIFT_READINGS[name].long_name})

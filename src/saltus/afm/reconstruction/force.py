@@ -159,7 +159,7 @@ class ReconstructedForce(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the force along ``point`` and the data along ``datum``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         data = {
             name: (dim, getattr(self, name), {"units": unit, "long_name": told})

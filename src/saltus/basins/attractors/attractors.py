@@ -144,7 +144,7 @@ class Attractors(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset; each orbit's variables begin with ``orbit_``, its label and ``_``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         label = np.repeat(np.arange(len(self.names)), [len(self.points[name]) for name in self.names])
         points = np.concatenate([np.empty((0, len(self.system.states))), *(self.points[name] for name in self.names)])

@@ -17,6 +17,7 @@ from saltus.basins.map.store import flags
 from saltus.contents import Contents
 from saltus.ensemble.traps import NOT_DONE
 from saltus.errors import InputError
+from saltus.version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +27,7 @@ __all__ = ["attributes_of", "check_belong", "dataset_of", "parts_of"]
 
 def dataset_of(basins: Any) -> xr.Dataset:
     """Return basins as a Dataset; the labels of a store are read on access."""
-    import xarray as xr
+    from saltus.extras import xr
 
     attributes = flags(basins.attractors.labels)
     coords: dict[str, Any] = {
@@ -53,7 +54,7 @@ def _lazy(basins: Any) -> Any:
     """Return the labels; those of a store as a variable of xarray that reads them on access."""
     if isinstance(basins.labels, np.ndarray):
         return basins.labels
-    import xarray as xr
+    from saltus.extras import xr
 
     with warnings.catch_warnings():
         # a process that was killed leaves the draft of a file, which is no part of the store
@@ -88,11 +89,9 @@ def parts_of(held: Contents) -> dict[str, Any]:
 
 def attributes_of(inputs: Mapping[str, Any], grid: Grid, attractors: Any) -> dict[str, Any]:
     """Return the metadata of a store."""
-    from importlib.metadata import version
-
     return {
         "saltus_result": "Basins",
-        "saltus_version": version("saltus"),
+        "saltus_version": __version__,
         "inputs": dict(inputs),
         "grid": grid.definition(),
         "attractors": summary(attractors),

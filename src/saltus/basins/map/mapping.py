@@ -18,7 +18,6 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, is_dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -38,9 +37,11 @@ from saltus.basins.map.patience import Patience, patience_for
 from saltus.basins.map.store import Store, check_same
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Traps
 from saltus.errors import InputError, nearest
+from saltus.extras import check_installed
 from saltus.progress import Report, Reporter, ended
 from saltus.system import HybridSystem, Map
 from saltus.system.maps import checked_system
+from saltus.version import __version__
 
 if TYPE_CHECKING:
     import os
@@ -154,7 +155,7 @@ def map_basins(
         labelling, reason = with_traps(settings, found, cells)
         inputs = {
             **labelling.definition(), "longest_reason": reason, "labels": dict(found.labels),
-            "saltus_version": version("saltus"), **search,
+            "saltus_version": __version__, **search,
         }  # fmt: skip
         if kept is not None:
             inputs = _same_inputs(kept, cells, inputs)
@@ -247,7 +248,10 @@ def _count(cells: Sequence[slice]) -> int:
 
 
 def _path(path: object) -> Path | None:
-    return None if path is None else checks.path("path", path, "the path of a folder")
+    if path is None:
+        return None
+    check_installed("zarr", "xarray")
+    return checks.path("path", path, "the path of a folder")
 
 
 def _grid(system: HybridSystem | Map, grid: Any) -> Grid:

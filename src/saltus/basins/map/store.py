@@ -18,6 +18,7 @@ import numpy as np
 from saltus.basins.map.grid import Grid, tiles
 from saltus.ensemble.traps import NOT_DONE
 from saltus.errors import InputError
+from saltus.extras import check_installed
 from saltus.files import flush, telling, whole_file
 from saltus.work import interrupt_waits, starting
 
@@ -65,6 +66,7 @@ class Store:
         InputError
             Nothing can be written there.
         """
+        check_installed("zarr")
         import zarr
         from zarr.codecs import ZstdCodec
 
@@ -105,6 +107,7 @@ class Store:
         InputError
             It is no store of basins, or it cannot be written where `writable` is asked for.
         """
+        check_installed("zarr")
         import zarr
 
         try:

@@ -125,7 +125,7 @@ class ErosionProfile(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset with the dimensions value, attractor and measure."""
-        import xarray as xr
+        from saltus.extras import xr
 
         each = ("value", "attractor", "measure")
         return xr.Dataset(

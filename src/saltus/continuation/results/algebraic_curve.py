@@ -163,7 +163,7 @@ class AlgebraicCurve(SolutionCurve[Solved]):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the curve as a Dataset: points against ``point``, special points against ``special``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         data: dict[str, Any] = {
             "value": (("point", "parameter"), self.values.reshape(len(self), -1)),

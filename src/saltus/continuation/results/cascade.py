@@ -80,7 +80,7 @@ class Doublings(Result):
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a table with a row for each doubling: its number, the parameter, the period, the ratio."""
-        import pandas as pd
+        from saltus.extras import pd
 
         ratios = [math.nan, *self.ratios.tolist(), math.nan][: len(self.points)]
         return pd.DataFrame(
@@ -120,7 +120,7 @@ class Cascade(Doublings):
         The branches stand one after the other, as in `Family.to_xarray`, counted along ``level`` instead of ``member``.
         Variables that begin with ``start.`` hold the first doubling, as ``special_`` do in `Branch.to_xarray`.
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         orbit = self.start.orbit
         specials = SpecialPoints([self.start], self.start.varied)

@@ -167,7 +167,7 @@ class Diagram(Result):
         pandas.DataFrame
             One row for each special point, with the states of an equilibrium, or of the start of an orbit.
         """
-        import pandas as pd
+        from saltus.extras import pd
 
         rows = []
         for i, point in self.numbered():

@@ -29,7 +29,7 @@ def displaced(locus: Any, of: str, parameters: Sequence[str] | None) -> xr.Datas
     parameters : sequence of str or None
         Parameters that change.
     """
-    import xarray as xr
+    from saltus.extras import xr
 
     of = checks.chosen("of", of, locus.varied)
     rest = tuple(name for name in locus.system.parameter_names if name != of)

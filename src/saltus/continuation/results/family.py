@@ -92,7 +92,7 @@ class Family(Result):
         each point. The values of `over` are coordinates along ``member``. ``failure`` is the reason why a member has no
         branch. ``branch_attributes`` is JSON of each branch's own attributes.
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         data, coords = branches_together(self.branches, "member")
         failures = np.full(len(self), "", dtype=object)

@@ -42,7 +42,7 @@ class MapCascade(Doublings):
         Names of variables and of dimensions begin with ``start.``, ``level0.``, ``level1.`` and so on; each of these
         groups is what `MapBranch.to_xarray` returns. That of the start has one point.
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         data: dict[str, Any] = {}
         coords: dict[str, Any] = {}

@@ -170,7 +170,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         InputError
             A name that is no observable.
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         self._observe(names)
         table = self.values.reshape(len(self), -1)
@@ -289,7 +289,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         InputError
             A name is no observable, or no parameter.
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         names, known = checks.names("names", names, "observables"), self.system.parameter_names
         planned(self.system, names)

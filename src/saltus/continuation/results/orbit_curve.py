@@ -37,7 +37,7 @@ class OrbitCurve(OrbitColumns):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the curve as a Dataset: points against ``point``, special points against ``special``."""
-        import xarray as xr
+        from saltus.extras import xr
 
         signatures = [form.names(self.system) for form in self.forms]
         written = [" -> ".join(f"{mode}:{transition}" for mode, transition in names) for names in signatures]

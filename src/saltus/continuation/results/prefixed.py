@@ -29,7 +29,7 @@ def side_by_side(datasets: Sequence[xr.Dataset], prefix: str) -> xr.Dataset:
     prefix : str
         What a curve is, as ``branch``.
     """
-    import xarray as xr
+    from saltus.extras import xr
 
     data: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}

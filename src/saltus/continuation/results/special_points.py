@@ -234,7 +234,7 @@ class SpecialPoint(Generic[Solved]):
         >>> round(slopes.attrs["value"], 9), round(float(slopes.sel(parameter="h")), 9)
         (2.0, 1.0)
         """
-        import xarray as xr
+        from saltus.extras import xr
 
         if self.itself is not self:
             return self.itself.sensitivity(parameters)
@@ -289,7 +289,7 @@ class SpecialPoints(Sequence[SpecialPoint[Solved]]):
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a table of label, type, parameters, x0, extremes, period, stability, signature and test function."""
-        import pandas as pd
+        from saltus.extras import pd
 
         rows = []
         for p in self._points:

@@ -131,7 +131,7 @@ def read_results(path: str | Path) -> dict[str, Result]:
     InputError
         The file is no figure's, or has no groups (`saltus.load` reads it).
     """
-    import xarray as xr
+    from saltus.extras import xr
 
     path = checks.path("path", path)
     with reading(path), xr.open_datatree(path, **READ) as tree:

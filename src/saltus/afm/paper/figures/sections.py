@@ -17,6 +17,7 @@ import numpy as np
 from saltus import checks
 from saltus.afm.paper.figures.files import write_figure
 from saltus.afm.paper.figures.telling import about, tell
+from saltus.extras import check_installed
 from saltus.progress import Report
 
 if TYPE_CHECKING:
@@ -92,6 +93,7 @@ def mapped(
 
 def group(path: Path) -> Path:
     """Return the folder of a Zarr group of stores, created if absent."""
+    check_installed("zarr")
     import zarr
 
     zarr.open_group(path, mode="a", zarr_format=3)

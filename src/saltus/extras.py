@@ -1,0 +1,63 @@
+"""Packages that only parts of saltus need, and the extra of saltus that installs each."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from saltus.errors import SaltusError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+__all__ = ["check_installed", "pd", "xr"]
+
+# Extra that installs each package, by the package's name where it is imported.
+EXTRAS = {
+    "h5netcdf": "data",
+    "h5py": "data",
+    "pandas": "data",
+    "xarray": "data",
+    "matplotlib": "plot",
+    "PIL": "plot",
+    "zarr": "store",
+    "pydantic": "cli",
+    "rich": "cli",
+    "typer": "cli",
+}
+
+# What a package serves, to be read before "needs".
+_SERVES = {
+    "data": "a result as a dataset, table or file",
+    "plot": "a picture",
+    "store": "a Zarr store",
+    "cli": "the command saltus, or a bar of progress,",
+}
+
+_SHORT = {"pd": "pandas", "xr": "xarray"}  # customary names of modules
+
+
+def check_installed(*packages: str) -> None:
+    """Import packages, or raise `SaltusError` with the extra that installs the first one missing.
+
+    Examples
+    --------
+    >>> check_installed("xarray", "matplotlib")
+    """
+    for package in packages:
+        try:
+            importlib.import_module(package)
+        except ModuleNotFoundError as error:
+            if error.name != package:
+                raise
+            extra = EXTRAS[package]
+            raise SaltusError(f"{_SERVES[extra]} needs {package}: pip install 'saltus[{extra}]'") from None
+
+
+def __getattr__(name: str) -> Any:
+    """Import pandas or xarray, so that ``from saltus.extras import xr`` says how to install what is missing."""
+    if name not in _SHORT:
+        raise AttributeError(f"No {__name__} attribute {name}")
+    check_installed(_SHORT[name])
+    return importlib.import_module(_SHORT[name])
