@@ -119,7 +119,9 @@ class LyapunovSpectrum(Result):
 
     @property
     def kaplan_yorke(self) -> float:
-        """Kaplan-Yorke dimension, ``k + (l_1 + ... + l_k) / |l_(k+1)|`` with the largest k whose sum is not negative.
+        """Kaplan-Yorke dimension: k plus the sum of the first k exponents over the size of the next one.
+
+        The k is the largest whose sum is not negative.
 
         The dimension belongs to the attractor in the space of the states; for a forced system, to its section at a
         phase. A sum within its error of zero counts as zero, as on a limit cycle. ``nan``: too few exponents were
