@@ -13,18 +13,13 @@ import matplotlib
 
 matplotlib.use("Agg")
 
+import examples as gallery
+import pages
 import pytest
 from matplotlib import pyplot as plt
 from PIL import Image
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tools" / "site"))
-
-import examples as gallery
-import pages
-
-sys.path.remove(str(ROOT / "tools" / "site"))
-
 EXAMPLES = gallery.examples()
 OF_THE_GALLERY = [one for one in EXAMPLES if one.file.parent.name == "gallery"]
 
@@ -40,7 +35,9 @@ def test_the_landing_page_has_six_doors_with_pictures():
     cards = pages.doors(text)
     assert cards.count(":::{grid-item-card}") == 6
     assert "![" not in cards
-    assert all((pages.DOCS / line.split(": ")[1]).exists() for line in cards.splitlines() if line.startswith(":img-top:"))
+    assert all(
+        (pages.DOCS / line.split(": ")[1]).exists() for line in cards.splitlines() if line.startswith(":img-top:")
+    )
 
 
 def test_links_of_a_page_for_sphinx_lead_where_the_page_s_own_links_lead():

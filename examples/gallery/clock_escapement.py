@@ -1,8 +1,9 @@
 """A clock: each swing gets one push, and the pendulum finds its own amplitude.
 
-A pendulum with viscous friction, x'' + 2 h x' + x = 0, that gains a fixed energy where it passes the middle to the right:
-v := sqrt(v^2 + p^2). Known answer (Andronov, Vitt and Khaikin, Theory of Oscillators, 1966, chapter III): the speed after a
-push is p/sqrt(1 - d^2), with d = exp(-2 pi h/sqrt(1 - h^2)). The multiplier is d^2, so the cycle is stable.
+A pendulum with viscous friction, x'' + 2 h x' + x = 0, that gains a fixed energy where it passes the middle to the
+right: v := sqrt(v^2 + p^2). Known answer (Andronov, Vitt and Khaikin, Theory of Oscillators, 1966, chapter III): the
+speed after a push is p/sqrt(1 - d^2), with d = exp(-2 pi h/sqrt(1 - h^2)). The multiplier is d^2, so the cycle is
+stable.
 
 Field: Machines and valves.
 
@@ -30,7 +31,7 @@ orbit = saltus.find_orbit(clock, x0=[0.0, 0.3])
 branch = saltus.continue_orbit(orbit, "h", bounds=(0.01, 0.5))
 print(branch)
 friction = branch.values
-speed = np.array([one.segments[0].x[1] for one in branch.orbits])
+speed = np.array([one.states[0][1] for one in branch])
 left_of_speed = np.exp(-2.0 * np.pi * friction / np.sqrt(1.0 - friction**2))
 exact = 0.3 / np.sqrt(1.0 - left_of_speed**2)
 print(f"speed after a push, difference {np.max(np.abs(speed - exact)):.1e}")

@@ -1,8 +1,8 @@
 """The FitzHugh-Nagumo neuron: firing between two Hopf points.
 
-v' = v - v^3/3 - w + I and w' = c (v + a - b w), after FitzHugh (Biophys. J. 1 (1961) 445) with a = 0.7, b = 0.8 and
-c = 0.08. Known answer: the trace vanishes at v = -+sqrt(1 - b c), and the current there is
-I = (v + a)/b - v + v^3/3. Both Hopf points are subcritical, so that rest and firing coexist beside them.
+v' = v - v^3/3 - w + I and w' = c (v + a - b w), after FitzHugh (Biophys. J. 1 (1961) 445) with a = 0.7, b = 0.8 and c
+= 0.08. Known answer: the trace vanishes at v = -+sqrt(1 - b c), and the current there is I = (v + a)/b - v + v^3/3.
+Both Hopf points are subcritical, so that rest and firing coexist beside them.
 
 Field: Life.
 

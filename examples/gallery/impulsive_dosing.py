@@ -1,8 +1,8 @@
 """Doses at intervals: a drug whose elimination saturates, and the dose that is too much.
 
-Michaelis-Menten elimination, C' = -V C/(K + C), and a dose D once a period T = 1. Known answer by separation of variables
-(Wagner, J. Pharmacokin. Biopharm. 1 (1973) 103): K ln(peak/trough) + D = V T with peak = trough + D. So the trough is
-D/(exp((V T - D)/K) - 1), and grows without bound as the dose a period comes near V T.
+Michaelis-Menten elimination, C' = -V C/(K + C), and a dose D once a period T = 1. Known answer by separation of
+variables (Wagner, J. Pharmacokin. Biopharm. 1 (1973) 103): K ln(peak/trough) + D = V T with peak = trough + D. So the
+trough is D/(exp((V T - D)/K) - 1), and grows without bound as the dose a period comes near V T.
 
 Field: Life.
 

@@ -1,9 +1,9 @@
 """Harvest at intervals: how much can be taken before the stock dies out.
 
-Fish grow by N' = r N (1 - N), and once a period T a share E of them is caught. Known answer (from the logistic map over a
-period; Zhang, Shuai and Wang, Nonlinear Analysis: RWA 4 (2003) 639): just after a catch
-N = ((1 - E) exp(r T) - 1)/(exp(r T) - 1). At E = 1 - exp(-r T) the stock dies out by a transcritical bifurcation. The
-catch a period is greatest at E = 1 - exp(-r T/2).
+Fish grow by N' = r N (1 - N), and once a period T a share E of them is caught. Known answer (from the logistic map
+over a period; Zhang, Shuai and Wang, Nonlinear Analysis: RWA 4 (2003) 639): just after a catch N = ((1 - E) exp(r T)
+- 1)/(exp(r T) - 1). At E = 1 - exp(-r T) the stock dies out by a transcritical bifurcation. The catch a period is
+greatest at E = 1 - exp(-r T/2).
 
 Field: Life.
 

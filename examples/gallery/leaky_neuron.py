@@ -34,7 +34,7 @@ orbit = saltus.find_orbit(neuron, x0=[0.0, 0.0], mode="charging")
 branch = saltus.continue_orbit(orbit, "I", bounds=(1.0005, 3.0))
 print(branch)
 current = branch.values
-period = np.array([one.period for one in branch.orbits])
+period = np.array([one.period for one in branch])
 exact = 0.2 + np.log(current / (current - 1.0))
 print(f"time between spikes, difference {np.max(np.abs(period - exact)):.1e}")
 assert np.max(np.abs(period - exact)) < 1e-8

@@ -1,9 +1,9 @@
 """A rimless wheel rolls down a slope: one collision a step, and a speed that it keeps.
 
 Between collisions the wheel is an inverted pendulum on the spoke that stands, in units of length and gravity. At each
-collision it loses the part of its speed that points into the ground: w := w cos(2 alpha). Known answer (McGeer, Int. J.
-Robotics Research 9 (1990) 62): after the collision w^2 = 4 sin(alpha) sin(gamma) c^2/(1 - c^2) with c = cos(2 alpha).
-The multiplier of a step is c^2, whatever the slope gamma.
+collision it loses the part of its speed that points into the ground: w := w cos(2 alpha). Known answer (McGeer, Int.
+J. Robotics Research 9 (1990) 62): after the collision w^2 = 4 sin(alpha) sin(gamma) c^2/(1 - c^2) with c = cos(2
+alpha). The multiplier of a step is c^2, whatever the slope gamma.
 
 Field: Walking and standing.
 
@@ -41,7 +41,7 @@ print(branch)
 
 c = np.cos(2.0 * alpha)
 slopes = branch.values
-speeds = np.array([one.segments[0].x[1] for one in branch.orbits])
+speeds = np.array([one.states[0][1] for one in branch])
 exact = np.sqrt(4.0 * np.sin(alpha) * np.sin(slopes) * c**2 / (1.0 - c**2))
 print(f"speed after a collision, difference {np.max(np.abs(speeds - exact)):.1e}")
 print(f"multiplier of a step {orbit.multipliers[0].real:.12f}, difference {orbit.multipliers[0].real - c**2:.1e}")

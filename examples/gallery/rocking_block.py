@@ -1,9 +1,9 @@
 """A rocking block comes to rest: each impact takes the same part of the energy.
 
-A slender block on two corners after Housner (Bull. Seism. Soc. Am. 53 (1963) 403), linear in the angle, which is measured
-in units of the slenderness: x'' = x - 1 for x > 0 and x'' = x + 1 for x < 0. At an impact the rate falls to e times it.
-Known answers (his eqs. 6 and 10): from rest at x0 the first impact comes after arccosh(1/(1 - x0)). After n impacts the
-greatest angle is 1 - sqrt(1 - e^(2n) (1 - (1 - x0)^2)).
+A slender block on two corners after Housner (Bull. Seism. Soc. Am. 53 (1963) 403), linear in the angle, which is
+measured in units of the slenderness: x'' = x - 1 for x > 0 and x'' = x + 1 for x < 0. At an impact the rate falls to
+e times it. Known answers (his eqs. 6 and 10): from rest at x0 the first impact comes after arccosh(1/(1 - x0)). After
+n impacts the greatest angle is 1 - sqrt(1 - e^(2n) (1 - (1 - x0)^2)).
 
 Field: Walking and standing.
 
@@ -27,8 +27,8 @@ block = saltus.HybridSystem(
         "left": saltus.Mode({"x": "v", "v": "x + 1"}),
     },
     transitions=[
-        saltus.Transition("right", "left", event="x", direction=-1, reset={"v": "e*v"}, name="impact"),
-        saltus.Transition("left", "right", event="x", direction=1, reset={"v": "e*v"}, name="impact"),
+        saltus.Transition("right", "left", event="x", direction=-1, reset={"v": "e*v"}, name="impact on the left"),
+        saltus.Transition("left", "right", event="x", direction=1, reset={"v": "e*v"}, name="impact on the right"),
     ],
     outputs={"energy": "v**2/2 + abs(x) - x**2/2"},
     name="rocking block",

@@ -1,9 +1,9 @@
 """The simplest walker: two legs without knees go down a slope, and begin to limp.
 
-A mass at the hip and light feet, by the equations of Garcia, Chatterjee, Ruina and Coleman (J. Biomech. Eng. 120 (1998)
-281). The stance leg is at theta from the slope's normal, the swing leg at phi from the stance leg. A step ends where
-phi = 2 theta; the legs then change places. The start for the slope 0.009 is known to 15 digits from the code that goes
-with the paper. Gaits are stable up to a slope of 0.015 in the paper, where a period doubling begins a limp.
+A mass at the hip and light feet, by the equations of Garcia, Chatterjee, Ruina and Coleman (J. Biomech. Eng. 120
+(1998) 281). The stance leg is at theta from the slope's normal, the swing leg at phi from the stance leg. A step ends
+where phi = 2 theta; the legs then change places. The start for the slope 0.009 is known to 15 digits from the code
+that goes with the paper. Gaits are stable up to a slope of 0.015 in the paper, where a period doubling begins a limp.
 
 Field: Walking and standing.
 
@@ -50,8 +50,8 @@ walker = saltus.HybridSystem(
 )
 known = np.array([0.200310900544287, 0.400621801088574, -0.199832473004977, -0.015822999948318])
 orbit = saltus.find_orbit(walker, x0=known)
-print(f"start of a step, difference {np.max(np.abs(orbit.segments[0].x - known)):.1e}")
-assert np.max(np.abs(orbit.segments[0].x - known)) < 1e-9
+print(f"start of a step, difference {np.max(np.abs(orbit.states[0] - known)):.1e}")
+assert np.max(np.abs(orbit.states[0] - known)) < 1e-9
 branch = saltus.continue_orbit(orbit, "gamma", bounds=(0.002, 0.03))
 limp = branch["PD1"]
 print(f"period doubling at a slope of {limp.parameters['gamma']:.6f}, printed 0.015")

@@ -1,8 +1,8 @@
 """A thermostat with hysteresis: the house swings between two temperatures, at a period in closed form.
 
-The heater goes on where the temperature falls to low, and off where it rises to high. Newton's cooling to an outside at 0
-with rate 1, and heat P. Known answer from the two exponentials: the period is
-ln((P - low)/(P - high)) + ln(high/low). No cycle exists below P = high, where the house never gets warm enough.
+The heater goes on where the temperature falls to low, and off where it rises to high. Newton's cooling to an outside
+at 0 with rate 1, and heat P. Known answer from the two exponentials: the period is ln((P - low)/(P - high)) +
+ln(high/low). No cycle exists below P = high, where the house never gets warm enough.
 
 Field: Electronics and control.
 
@@ -32,7 +32,7 @@ orbit = saltus.find_orbit(house, x0=[1.0], mode="heating")
 branch = saltus.continue_orbit(orbit, "P", bounds=(1.101, 4.0))
 print(branch)
 heat = branch.values
-period = np.array([one.period for one in branch.orbits])
+period = np.array([one.period for one in branch])
 exact = np.log((heat - low) / (heat - high)) + np.log(high / low)
 print(f"period, difference {np.max(np.abs(period - exact)):.1e}")
 assert np.max(np.abs(period - exact)) < 1e-9

@@ -1,8 +1,8 @@
 """The van der Pol oscillator: a cycle from a Hopf point to relaxation.
 
-x'' - mu (1 - x^2) x' + x = 0. At mu = 1 the period 6.66328685932 and the amplitude 2.00861986087 are known from series
-(Andersen and Geer, SIAM J. Appl. Math. 42 (1982) 678). For large mu the period grows as (3 - 2 ln 2) mu + 3 a mu^(-1/3),
-a = 2.338107 (Dorodnitsyn 1947).
+x'' - mu (1 - x^2) x' + x = 0. At mu = 1 the period 6.66328685932 and the amplitude 2.00861986087 are known from
+series (Andersen and Geer, SIAM J. Appl. Math. 42 (1982) 678). For large mu the period grows as (3 - 2 ln 2) mu + 3 a
+mu^(-1/3), a = 2.338107 (Dorodnitsyn 1947).
 
 Field: Smooth systems.
 
@@ -27,7 +27,7 @@ assert abs(orbit.max["x"] - 2.00861986087) < 1e-9
 branch = saltus.continue_orbit(orbit, "mu", bounds=(0.1, 12.0))
 print(branch)
 mu = branch.values
-period = np.array([one.period for one in branch.orbits])
+period = np.array([one.period for one in branch])
 large = (3.0 - 2.0 * np.log(2.0)) * mu + 3.0 * 2.338107 * mu ** (-1.0 / 3.0)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")

@@ -1,4 +1,4 @@
-"""Write what Sphinx reads into build/site-source: pages, gallery and reference. A file that stays the same is not touched."""
+"""Write what Sphinx reads into build/site-source, and have it built; a file that stays the same is not touched."""
 
 from __future__ import annotations
 
@@ -193,10 +193,9 @@ def main() -> int:
     here = str(Path(__file__).parent)
     target = ROOT / "build" / "site" / version
     workers = str(min(4, os.cpu_count() or 1))
-    status = build_main(
-        ["-b", "html", "-W", "--keep-going", "-q", "-j", workers, "-c", here]
-        + ["-d", str(ROOT / "build" / "site-trees"), *sys.argv[1:], str(SOURCE), str(target)]
-    )
+    kept = ["-d", str(ROOT / "build" / "site-trees"), "-c", here]
+    strict = ["-b", "html", "-W", "--keep-going", "-q", "-j", workers]
+    status = build_main([*strict, *kept, *sys.argv[1:], str(SOURCE), str(target)])
     shutil.copyfile(Path(here) / "switcher.json", target.parent / "switcher.json")
     if not status:
         print(f"built: {(target / 'index.html').relative_to(ROOT)}")
