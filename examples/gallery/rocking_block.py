@@ -33,7 +33,7 @@ block = saltus.HybridSystem(
     outputs={"energy": "v**2/2 + abs(x) - x**2/2"},
     name="rocking block",
 )
-motion = saltus.simulate(block, x0=[x0, 0.0], mode="right", t_end=40.0)
+motion = saltus.simulate(block, x0=[x0, 0.0], mode="right", t_end=26.0)
 times = motion.events["time"]
 first = np.arccosh(1.0 / (1.0 - x0))
 n = np.arange(len(times))
@@ -43,7 +43,7 @@ print(f"{len(times)} impacts, difference of their times {np.max(np.abs(times - i
 assert np.max(np.abs(times - impacts)) < 1e-9
 
 figure, ax = plt.subplots(figsize=(9.0, 4.2), layout="constrained")
-t = np.linspace(0.0, 40.0, 3000)
+t = np.linspace(0.0, 26.0, 3000)
 ax.plot(t, motion(t)[:, 0], color="#1b1b1e", label="block")
 peaks = impacts[:-1] + 0.5 * np.diff(impacts)
 ax.plot(peaks, (-1.0) ** n[1:] * greatest[1:], "o", mfc="none", color="#d55e00", label="Housner 1963")

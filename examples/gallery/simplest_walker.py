@@ -49,7 +49,8 @@ walker = saltus.HybridSystem(
     name="simplest walker",
 )
 known = np.array([0.200310900544287, 0.400621801088574, -0.199832473004977, -0.015822999948318])
-orbit = saltus.find_orbit(walker, x0=known)
+before = [-known[0], -known[1], known[2] / np.cos(2.0 * known[0]), 0.0]  # where the step before ends
+orbit = saltus.find_orbit(walker, x0=before)
 print(f"start of a step, difference {np.max(np.abs(orbit.states[0] - known)):.1e}")
 assert np.max(np.abs(orbit.states[0] - known)) < 1e-9
 branch = saltus.continue_orbit(orbit, "gamma", bounds=(0.002, 0.03))

@@ -72,6 +72,16 @@ class PeriodicOrbit(Solution):
         The quantity that was fixed when the orbit was solved, and the parameter that was freed.
     implicit : bool
         Whether the flow is stiff, and was followed by implicit steps.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> oscillator = saltus.HybridSystem.smooth({"x": "v", "v": "mu*(1 - x**2)*v - x"}, {"mu": 1.0})
+    >>> orbit = saltus.find_orbit(oscillator, x0=[2.0, 0.0])
+    >>> round(orbit.period, 8), round(orbit.max["x"], 8)
+    (6.66328686, 2.00861986)
+    >>> orbit.stable, orbit.admissible
+    (True, True)
     """
 
     system: HybridSystem

@@ -67,6 +67,14 @@ class LyapunovSpectrum(Result):
         Events that were grazed: no saltation matrix exists there, and none was applied.
     tolerance : (float, float)
         Relative and absolute tolerance of a step of the motion; 0 for a map.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> oscillator = saltus.HybridSystem.smooth({"x": "v", "v": "mu*(1 - x**2)*v - x"}, {"mu": 1.0})
+    >>> spectrum = saltus.lyapunov_spectrum(oscillator, x0=[2.0, 0.0], average=saltus.Average(t_end=500.0))
+    >>> bool(abs(spectrum.exponents[0]) < 0.01), bool(spectrum.exponents[1] < -1.0)
+    (True, True)
     """
 
     system: HybridSystem | Map
