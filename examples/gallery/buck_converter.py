@@ -4,7 +4,7 @@ The switch is closed where a ramp stands above the amplified error of the voltag
 Power Electron. 5 (1990) 260) and Fossas and Olivar (IEEE Trans. Circuits Syst. I 43 (1996) 13): L = 20 mH, C = 47 uF,
 R = 22 ohm, gain 8.4, reference 11.3 V, a ramp from 3.8 to 8.2 V in 400 us. Time is in units of the ramp. The period
 doubling at an input of 24.516 V is in di Bernardo, Budd, Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems,
-2008, section 1.3.
+2008.
 
 Field: Electronics and control.
 

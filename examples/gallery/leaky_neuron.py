@@ -2,7 +2,7 @@
 
 The potential leaks, v' = I - v in units of the membrane's time, and is set to 0 where it reaches 1. A refractory mode
 waits for a time R after each spike. Known answer (Lapicque 1907; Dayan and Abbott, Theoretical Neuroscience, 2001,
-eq. 5.11): the time between spikes is R + ln(I/(I - 1)) for I > 1.
+chapter 5): the time between spikes is R + ln(I/(I - 1)) for I > 1.
 
 Field: Life.
 

@@ -2,8 +2,8 @@
 
 A slender block on two corners after Housner (Bull. Seism. Soc. Am. 53 (1963) 403), linear in the angle, which is
 measured in units of the slenderness: x'' = x - 1 for x > 0 and x'' = x + 1 for x < 0. At an impact the rate falls to
-e times it. Known answers (his eqs. 6 and 10): from rest at x0 the first impact comes after arccosh(1/(1 - x0)). After
-n impacts the greatest angle is 1 - sqrt(1 - e^(2n) (1 - (1 - x0)^2)).
+e times it. Known answers (there): from rest at x0 the first impact comes after arccosh(1/(1 - x0)). After n impacts
+the greatest angle is 1 - sqrt(1 - e^(2n) (1 - (1 - x0)^2)).
 
 Field: Walking and standing.
 

@@ -32,7 +32,7 @@ large = (3.0 - 2.0 * np.log(2.0)) * mu + 3.0 * 2.338107 * mu ** (-1.0 / 3.0)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
 for value, colour in ((0.2, "#0072b2"), (1.0, "#009e73"), (4.0, "#d55e00")):
-    sample = branch.at(value)[0].sample()
+    sample = branch.at(value)[0].sample(2000)
     left.plot(sample["x"], sample["v"], color=colour, label=f"$\\mu = {value:g}$")
 left.set(xlabel="$x$", ylabel="$x'$", title="cycles")
 left.legend()

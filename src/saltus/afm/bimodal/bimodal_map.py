@@ -83,9 +83,8 @@ class BimodalMap(Result):
     >>> probe = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=(70.0, 440.0), Q=(150.0, 450.0), R_nm=10.0)
     >>> law, modes = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0), (afm.AM(A0_nm=30.0), afm.FM(A_nm=0.5))
     >>> seen = afm.bimodal(probe, law, (afm.AM(A0_nm=30.0, setpoint_nm=25.0), modes[1]))
-    >>> found = afm.bimodal_map(seen, probe, law, modes, sigma={"lag_deg": 0.1, "shift_Hz_2": 2.0})
-    >>> round(float(found["E_GPa"]), 3)
-    1.0
+    >>> round(float(seen["lag_deg"]), 2)
+    56.57
     """
 
     columns: Mapping[str, NDArray[np.float64]]
