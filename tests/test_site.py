@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import json
 import runpy
@@ -59,11 +60,12 @@ def test_the_picture_of_an_example_was_drawn_by_its_code(one):
 
 
 @pytest.mark.parametrize("one", EXAMPLES, ids=lambda one: one.name)
-def test_the_notebook_of_an_example_has_its_code_and_no_arguments(one):
+def test_the_notebook_of_an_example_has_its_code_and_its_arguments(one):
     cells = json.loads(gallery.notebook(one))["cells"]
     code = "\n\n".join(cell["source"] for cell in cells if cell["cell_type"] == "code")
     compile(code, one.name, "exec")
-    assert "sys.argv" not in code
+    assert code.startswith(f'import sys\n\nsys.argv = ["{one.name}.py", "{one.name}.png"]\n')
+    assert ast.dump(ast.parse(one.code)) == ast.dump(ast.Module(ast.parse(code).body[2:], []))
     assert cells[0]["source"].startswith(f"# {one.title}")
 
 

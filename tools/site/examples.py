@@ -93,8 +93,8 @@ def notebook(example: Example) -> str:
         if following is None or (end < len(lines) and not lines[end].strip()):
             cells.append("".join(lines[start:end]).strip("\n"))
             start = end
-    # a notebook has no arguments and shows its picture below the last cell
-    cells[-1] = re.sub(r"\bsys\.argv\[1\] if len\(sys\.argv\) > 1 else .*", f'"{example.name}.png")', cells[-1])
+    # the script takes the name of its picture from its arguments
+    cells.insert(0, f'import sys\n\nsys.argv = ["{example.name}.py", "{example.name}.png"]')
     written = [{"cell_type": "markdown", "id": "words", "metadata": {}, "source": f"# {example.words}"}]
     written += [
         {"cell_type": "code", "id": f"cell-{i}", "metadata": {}, "source": c, "outputs": [], "execution_count": None}
