@@ -46,16 +46,12 @@ class PeriodicOrbit(Solution):
 
     Attributes
     ----------
-    system : HybridSystem
-        The system.
-    parameters : mapping of str to float
-        All parameters.
+    system, parameters : HybridSystem, mapping of str to float
+        The system, and all its parameters.
     form : Signature
         Modes, transitions and ends as indices.
-    states : ndarray, shape (pieces, all states)
-        Full state at the start of each piece. A piece is a segment, or a part of a sensitive segment.
-    durations : ndarray, shape (pieces,)
-        Durations of the pieces.
+    states, durations : ndarray, shapes (pieces, all states) and (pieces,)
+        Full state at the start of each piece, and its duration. A piece is a segment, or part of a sensitive one.
     multipliers : ndarray of complex, shape (states,)
         Floquet multipliers, largest first; an autonomous system's trivial one is last.
     residual : float
@@ -76,12 +72,9 @@ class PeriodicOrbit(Solution):
     Examples
     --------
     >>> import saltus
-    >>> oscillator = saltus.HybridSystem.smooth({"x": "v", "v": "mu*(1 - x**2)*v - x"}, {"mu": 1.0})
-    >>> orbit = saltus.find_orbit(oscillator, x0=[2.0, 0.0])
-    >>> round(orbit.period, 8), round(orbit.max["x"], 8)
-    (6.66328686, 2.00861986)
-    >>> orbit.stable, orbit.admissible
-    (True, True)
+    >>> orbit = saltus.find_orbit(saltus.HybridSystem.smooth({"x": "v", "v": "(1 - x**2)*v - x"}), x0=[2.0, 0.0])
+    >>> round(orbit.period, 8), orbit.stable
+    (6.66328686, True)
     """
 
     system: HybridSystem
