@@ -1,7 +1,7 @@
 # saltus: `make` lists the targets. PYTHON=python3.12 make ... chooses the interpreter.
 .POSIX:
 .NOTPARALLEL:
-.PHONY: help demo test campaign thorough lint bench dist lock clean
+.PHONY: help demo test campaign thorough lint bench dist docs gallery lock clean
 
 BIN = .venv/bin
 PYTEST_ARGS = -n 2 --dist worksteal
@@ -43,7 +43,15 @@ dist: ## build sdist and wheel, check them, try the wheel in fresh environments 
 	@tools/make_env.sh run
 	$(BIN)/python tools/dist.py $(DIST_ARGS)
 
-lock: ## renew both lock files after a change of pyproject.toml (LOCK_ARGS=--upgrade: all to the newest)
+docs: ## build the site of the documentation into build/site; a warning is an error
+	@tools/make_env.sh docs
+	$(BIN)/python tools/site/stage.py
+
+gallery: ## draw the pictures of the examples anew whose code has changed
+	@tools/make_env.sh run
+	$(BIN)/python tools/gallery.py
+
+lock: ## renew the lock files after a change of pyproject.toml (LOCK_ARGS=--upgrade: all to the newest)
 	@tools/lock.sh $(LOCK_ARGS)
 
 clean: ## remove .venv and all caches; results/ stays

@@ -3,6 +3,8 @@
 Known answer, with Gamma = a w^2 / g and restitution e: SN at pi (1 - e) / (1 + e), and PD at
 sqrt(SN^2 + (2 (1 + e^2) / (1 + e)^2)^2).
 
+Field: Impacts.
+
     python 01_bouncing_ball.py [picture]
 """
 

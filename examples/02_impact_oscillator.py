@@ -3,6 +3,8 @@
 Known answer for x'' + c x' + k x = A cos(w t), v := -e v at x = d, one impact a period (Recipes for Continuation,
 SIAM 2013, ex. 15.2): the branch is a conic in A and the speed U before the impact, with GR at U = 0.
 
+Field: Impacts.
+
     python 02_impact_oscillator.py [picture]
 """
 

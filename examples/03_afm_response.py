@@ -1,6 +1,8 @@
 """Frequency response of a tapping cantilever, and the orbit that taps.
 
-python 03_afm_response.py [picture]
+Field: Atomic force microscopy.
+
+    python 03_afm_response.py [picture]
 """
 
 import sys

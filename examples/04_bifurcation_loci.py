@@ -4,6 +4,8 @@ Known answer for x'' + c x' + k x = A cos(w t), v := -e v at x = d, one impact a
 SIAM 2013, ex. 15.2): with U the speed before the impact, trace and determinant of the impact map are explicit, and with
 them its loci in drive frequency w and amplitude A. They meet where w is twice the frequency of free decay.
 
+Field: Impacts.
+
     python 04_bifurcation_loci.py [picture]
 """
 

@@ -4,6 +4,8 @@ The attractor is followed by simulation as the drive's amplitude A grows, and ag
 periods are dropped, the next ones kept, and the leading Lyapunov exponent says what the motion is. Where the two ways
 differ, two attractors exist side by side.
 
+Field: Impacts.
+
     python 05_brute_force.py [picture]
 """
 

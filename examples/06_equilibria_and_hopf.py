@@ -3,6 +3,8 @@
 Known answers: the equilibria of Lorenz (1963) branch at r = 1 and have a Hopf point at r = sigma (sigma + b + 3)/(sigma
 - b - 1). Bazykin's equations are those of Kuznetsov, Elements of Applied Bifurcation Theory, section 8.5.
 
+Field: Smooth systems.
+
     python 06_equilibria_and_hopf.py [picture]
 """
 

@@ -10,6 +10,8 @@ and again and again up to the limit of the doublings. In the middle, loci of the
 saddle-nodes and period doublings of the fixed point, and period doublings of the cycle of period 2. Right, the stable
 cycle of period 4 of the logistic map as a cobweb.
 
+Field: Maps.
+
     python 07_maps.py [picture]
 """
 

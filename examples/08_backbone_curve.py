@@ -3,6 +3,8 @@
 Known answer for x'' = -x - x^3 with the amplitude a: the period is 4 K(m) / sqrt(1 + a^2) with m = a^2 / (2 (1 + a^2)),
 K being the complete elliptic integral of the first kind; the energy is a^2 / 2 + a^4 / 4.
 
+Field: Smooth systems.
+
     python 08_backbone_curve.py [picture]
 """
 

@@ -3,6 +3,8 @@
 Known answers: the equilibrium at 0 has an imaginary pair of eigenvalues where al be = 1 (Routh and Hurwitz). The
 distances of the doublings shrink by Feigenbaum's number, 4.669.
 
+Field: Smooth systems.
+
     python 09_equilibrium_to_chaos.py [picture]
 """
 

@@ -2,6 +2,8 @@
 
 An independent event-exact code finds the jumps at 9.878337793 and 11.50288421 nm, and first contact at 11.34091369 nm.
 
+Field: Atomic force microscopy.
+
     python 10_distance_curve.py [picture]
 """
 

@@ -3,6 +3,8 @@
 Below the critical amplitude a tip that approaches stays attracted all the way. An independent event-exact code finds
 it at 10.5434078 nm.
 
+Field: Atomic force microscopy.
+
     python 11_critical_amplitude.py [picture]
 """
 

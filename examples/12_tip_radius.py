@@ -1,6 +1,8 @@
 """The critical amplitude grows with the tip's radius, so that a measured one tells the radius.
 
-python 12_tip_radius.py [picture]
+Field: Atomic force microscopy.
+
+    python 12_tip_radius.py [picture]
 """
 
 import sys

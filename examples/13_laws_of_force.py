@@ -3,6 +3,8 @@
 Way in and way out differ for laws with hysteresis, and for those whose force depends on the rate. The latter are drawn
 along the motion ``Zc + A cos(2 pi f t)``. The area between both ways is the energy that a cycle loses.
 
+Field: Atomic force microscopy.
+
     python 13_laws_of_force.py [picture [folder]]
 
 A folder gets one picture a law as well.

@@ -4,6 +4,8 @@ A switch is on for a share D of each period. With a small load R the current nev
 it falls to 0 before the period ends, and the diode blocks. Known answer without the ripple of the voltage: the border
 is at R = 2 L/(T D (1 - D)^2), and in discontinuous conduction the voltage is E (1 + sqrt(1 + 2 D^2 R T/L))/2.
 
+Field: Electronics and control.
+
     python 14_border_collision.py [picture]
 """
 

@@ -4,6 +4,8 @@ The oscillator x'' + x = cos(theta) - F sgn(x' - u) with theta' = w is driven, w
 An orbit is a word: P where the block is faster than the belt, M where it is slower, S where it sticks. Known answers,
 in 30 digits, are the four values of w at F = 0.4 and u = 0.3.
 
+Field: Friction and sliding.
+
     python 15_sliding.py [picture]
 """
 

@@ -4,6 +4,8 @@ The table is at a sin(theta). It throws the ball where a sin(theta) = g and the 
 follow accumulate, and the ball rests until the table throws it again. Known answer from exact parabolas in 60 digits:
 for a = 1.2 and e = 0.5 it rests from theta = 4.13360620053988 on.
 
+Field: Impacts.
+
     python 16_chatter.py [picture]
 """
 

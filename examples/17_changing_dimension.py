@@ -4,6 +4,8 @@ The wall is a standard linear solid, a spring k0 beside a spring k1 in series wi
 at each touch. The wall lets go where its force is 0, while the mass is still beyond the wall's place at rest. Known
 answer, by matrix exponentials: at w = 1.2 the mass touches with the velocity 2.5064148550713, for 0.7577372022708.
 
+Field: Friction and sliding.
+
     python 17_changing_dimension.py [picture]
 """
 

@@ -3,6 +3,8 @@
 Dots are the layer's integral equation, solved on Gauss points, in units of the thickness:
 ``phi(t) - 1/pi int_-a^a K(t - s) phi(s) ds = q - t**2/R`` with ``K(u) = int (1 - L(w)) cos(w u) dw``.
 
+Field: Atomic force microscopy.
+
     python 18_thin_sample.py [picture]
 """
 

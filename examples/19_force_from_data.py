@@ -1,6 +1,8 @@
 """The force between tip and sample from both ways of a tapping-mode curve, and the law that is fitted to it.
 
-python 19_force_from_data.py [picture]
+Field: Atomic force microscopy.
+
+    python 19_force_from_data.py [picture]
 """
 
 import sys

@@ -1,6 +1,8 @@
 """A bimodal map: modulus, viscosity and distance from noisy readings of two modes.
 
-python 20_bimodal_map.py [picture]
+Field: Atomic force microscopy.
+
+    python 20_bimodal_map.py [picture]
 """
 
 import sys

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Resolve the dependencies of pyproject.toml into the two lock files, for every platform and Python at once.
+# Resolve the dependencies of pyproject.toml into the lock files, for every platform and Python at once.
 # Versions already locked stay, unless an argument such as --upgrade or --upgrade-package=numpy says otherwise.
 set -eu
 cd "$(dirname "$0")/.."
@@ -19,3 +19,4 @@ resolve() {
 
 resolve --output-file requirements.lock --extra standard "$@"
 resolve --output-file requirements-test.lock --extra test --constraints requirements.lock "$@"
+resolve --output-file requirements-docs.lock --extra docs --constraints requirements-test.lock "$@"

@@ -3,6 +3,7 @@
 #
 #   tools/make_env.sh run     what saltus needs to run
 #   tools/make_env.sh test    that, and what its tests need
+#   tools/make_env.sh docs    what saltus needs to run, and what its site is built by
 #
 # PYTHON names the interpreter; without it the first one that the lock files serve is taken.
 # Nothing outside the checkout is changed, and a call that finds nothing to do returns at once.
@@ -11,11 +12,18 @@ cd "$(dirname "$0")/.."
 root=$(pwd -P)
 newest=14 # of Python 3.x: the last one for which every locked package has a wheel
 
-case ${1:-} in
-    run) lock=requirements.lock ;;
-    test) lock=requirements-test.lock ;;
-    *) echo "usage: tools/make_env.sh run|test" >&2 && exit 2 ;;
-esac
+lock_of() {
+    case $1 in
+        run) echo requirements.lock ;;
+        test | docs) echo "requirements-$1.lock" ;;
+        *) return 1 ;;
+    esac
+}
+
+lock=$(lock_of "${1:-}") || {
+    echo "usage: tools/make_env.sh run|test|docs" >&2
+    exit 2
+}
 unset PYTHONHOME PYTHONPATH
 export PIP_USER=0 PIP_DISABLE_PIP_VERSION_CHECK=1
 
@@ -103,9 +111,13 @@ if ! venv_fits || ! find_pip; then
     make_venv
 fi
 echo "$root" >.venv/.made-at
-rm -f .venv/.recipe-*
+# What was installed for another purpose stays good as long as its lock file is the same.
+for kind in run test docs; do
+    file=$(lock_of $kind)
+    recipe "$file" | cmp -s - ".venv/.recipe-$kind" || rm -f ".venv/.recipe-$kind"
+done
 echo "make_env: installing $lock"
 run_pip install -qq --require-hashes -r "$lock"
 run_pip install -qq --no-deps --no-build-isolation --editable .
-recipe requirements.lock >.venv/.recipe-run # the test lock holds all of it
-[ "$1" = run ] || recipe "$lock" >.venv/.recipe-test
+recipe requirements.lock >.venv/.recipe-run # the other locks hold all of it
+[ "$1" = run ] || recipe "$lock" >".venv/.recipe-$1"

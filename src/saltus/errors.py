@@ -32,7 +32,17 @@ _LONGEST_TEXT = 1000  # characters of the longest text for which a similar name 
 
 
 class SaltusError(Exception):
-    """Any error that saltus raises on purpose."""
+    """Any error that saltus raises on purpose.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> try:
+    ...     saltus.HybridSystem.smooth({"x": "-k*x"})
+    ... except saltus.SaltusError as error:
+    ...     print(type(error).__name__)
+    DefinitionError
+    """
 
 
 class InputError(SaltusError, ValueError):
@@ -83,7 +93,17 @@ class _Told(str):
 
 
 class DefinitionError(InputError):
-    """A part of a system's definition that cannot be used; `name` says which mode or transition."""
+    """A part of a system's definition that cannot be used; `name` says which mode or transition.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> try:
+    ...     saltus.HybridSystem.smooth({"x": "-k*x"})
+    ... except saltus.errors.DefinitionError as error:
+    ...     print(error)
+    mode 'smooth' = '-k*x': must be in x and pi, but 'k' is unknown
+    """
 
 
 class _MotionError(SaltusError):
@@ -117,6 +137,13 @@ class ChatteringError(_MotionError):
         Where the motion ended.
     transition : str, optional
         The last event.
+
+    Examples
+    --------
+    >>> from saltus.errors import ChatteringError
+    >>> error = ChatteringError(2.5, [0.0, 1e-9], "flight", "impact")
+    >>> error.transition, error.time, error.mode
+    ('impact', 2.5, 'flight')
     """
 
     @property
@@ -144,6 +171,13 @@ class StickingError(ChatteringError):
         Expression that vanishes where the field jumps.
     lines : str, optional
         The call by which the system is defined with a sliding mode.
+
+    Examples
+    --------
+    >>> from saltus.errors import StickingError
+    >>> error = StickingError(1.0, [0.2, 0.0], "smooth", "v")
+    >>> error.surface, error.time
+    ('v', 1.0)
     """
 
     def __init__(self, time: float, state: Iterable[float], mode: str, surface: str, lines: str = "") -> None:
@@ -179,6 +213,13 @@ class StiffnessError(_MotionError):
         Steps spent.
     hint : str, optional
         What to try.
+
+    Examples
+    --------
+    >>> from saltus.errors import StiffnessError
+    >>> error = StiffnessError(0.5, [1.0], "smooth", 1000)
+    >>> error.steps, error.time
+    (1000, 0.5)
     """
 
     def __init__(self, time: float, state: Iterable[float], mode: str, steps: int, hint: str = "") -> None:
@@ -251,6 +292,16 @@ class DivergenceError(_MotionError):
         Where the motion ended.
     reason : str
         What was seen.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> growth = saltus.HybridSystem.smooth({"x": "x**2"})
+    >>> try:
+    ...     saltus.simulate(growth, x0=[1.0], t_end=2.0)
+    ... except saltus.errors.DivergenceError as error:
+    ...     print(round(error.time, 6))
+    1.0
     """
 
     def __init__(self, time: float, state: Iterable[float], mode: str, reason: str) -> None:
@@ -273,6 +324,16 @@ class MapDivergenceError(DivergenceError):
         State there.
     reason : str
         What was seen.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> doubling = saltus.Map(("x",), {}, {"x": "2*x"})
+    >>> try:
+    ...     saltus.iterate(doubling, x0=[1.0], n=5000)
+    ... except saltus.errors.MapDivergenceError as error:
+    ...     print(error.step > 100)
+    True
     """
 
     def __init__(self, step: int, state: Iterable[float], reason: str) -> None:

@@ -94,6 +94,14 @@ class Result(ABC):
     """Base of all results; each can be saved to NetCDF and read back equal, without the model at hand.
 
     A class that inherits from it is known to `load` by its name, once its module has been imported.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> oscillator = saltus.HybridSystem.smooth({"x": "v", "v": "mu*(1 - x**2)*v - x"}, {"mu": 1.0})
+    >>> orbit = saltus.find_orbit(oscillator, x0=[2.0, 0.0])
+    >>> isinstance(orbit, saltus.results.Result), type(orbit.to_xarray()).__name__
+    (True, 'Dataset')
     """
 
     def __init_subclass__(cls, **options: Any) -> None:

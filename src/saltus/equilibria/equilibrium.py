@@ -50,6 +50,16 @@ class Equilibrium(AlgebraicSolution):
     reasons : tuple of str
         Why the equilibrium is virtual: it lies beyond an event of its mode, or outside the mode's domain. Empty for a
         regular one.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> lorenz = saltus.HybridSystem.smooth(
+    ...     {"x": "10*(y - x)", "y": "x*(r - z) - y", "z": "x*y - 8*z/3"}, {"r": 0.5}
+    ... )
+    >>> rest = saltus.find_equilibrium(lorenz)
+    >>> rest.kind, rest.stable
+    ('stable node', True)
     """
 
     system: HybridSystem

@@ -78,6 +78,12 @@ class FitOptions:
     reach : float or None
         How far behind a jump in the data its fold may lie; None for a tenth of the data's range, 0 for a jump at its
         fold. Noise makes a motion jump before its fold.
+
+    Examples
+    --------
+    >>> from saltus.options import FitOptions
+    >>> FitOptions(max_evaluations=30).max_evaluations
+    30
     """
 
     observables: Mapping[str, str] = field(default_factory=dict)

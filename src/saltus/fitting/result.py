@@ -76,6 +76,20 @@ class Fit(Result):
     remedy : str
         Which unknowns of the measurement that were not varied would lower chi2, by a linear estimate, and by how much.
         It is empty where the data fit, and where none would lower chi2 by 30 % of its excess.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import saltus
+    >>> spring = saltus.HybridSystem.smooth(
+    ...     {"x": "v", "v": "-c*v - x + cos(s)"}, {"c": 0.3, "w": 1.0}, phase=("s", "w")
+    ... )
+    >>> w = np.linspace(0.6, 1.4, 9)
+    >>> data = {"w": w, "amplitude(x, 1)": 1.0 / np.hypot(1.0 - w**2, 0.2 * w)}
+    >>> branch = saltus.continue_orbit(saltus.find_orbit(spring, x0=[0.0, 0.0]), "w", (0.5, 1.5))
+    >>> found = saltus.fit(data, branch, {"c": (0.05, 1.0)}, {"amplitude(x, 1)": 0.01})
+    >>> round(found["c"], 6)
+    0.2
     """
 
     system: HybridSystem

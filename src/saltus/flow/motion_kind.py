@@ -88,6 +88,12 @@ class Criteria:
         the phase's period. Before returns are known, periods alone, or 5000 steps a return.
     push : float
         Part of the size of its state by which a motion that rests on an unstable orbit is pushed.
+
+    Examples
+    --------
+    >>> from saltus.options import Criteria
+    >>> Criteria(longest=16).longest
+    16
     """
 
     recurrence: float = 1e-5

@@ -71,6 +71,14 @@ class Trajectory(Result):
         Relative and absolute tolerance of a step.
     implicit_steps : int
         How many of the steps were implicit ones, of a stiff stretch.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> oscillator = saltus.HybridSystem.smooth({"x": "v", "v": "mu*(1 - x**2)*v - x"}, {"mu": 1.0})
+    >>> motion = saltus.simulate(oscillator, x0=[2.0, 0.0], t_end=10.0)
+    >>> motion(10.0).round(4)
+    array([-2.0083,  0.0329])
     """
 
     system: HybridSystem

@@ -46,6 +46,14 @@ class Iterates(Result):
         The states.
     pieces : ndarray of int, shape (n + 1,)
         Index of the piece that holds at each state.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> logistic = saltus.Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
+    >>> motion = saltus.iterate(logistic, x0=[0.1], n=1, discard=1000)
+    >>> motion.states[:, 0].round(6).tolist()
+    [0.513045, 0.799455]
     """
 
     system: Map

@@ -51,6 +51,14 @@ class MapOrbit(AlgebraicSolution):
         Largest distance of an image from the next point, over the sizes of its terms.
     reasons : tuple of str
         Why the orbit is virtual: points that lie beyond a border of their pieces. Empty for a regular one.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> logistic = saltus.Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
+    >>> orbit = saltus.find_orbit(logistic, x0=[0.1])
+    >>> orbit.period, orbit.stable
+    (2, True)
     """
 
     system: Map

@@ -69,6 +69,17 @@ class Optimum(Result):
         Why the search ended.
     notes : tuple of str
         What the check of the optimum found.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> spring = saltus.HybridSystem.smooth(
+    ...     {"x": "v", "v": "-c*v - x + cos(s)"}, {"c": 0.4, "w": 0.6}, phase=("s", "w")
+    ... )
+    >>> orbit = saltus.find_orbit(spring, x0=[0.0, 0.0])
+    >>> peak = saltus.optimise(orbit, maximise="amplitude(x, 1)", vary={"w": (None, None)})
+    >>> round(peak["w"] ** 2, 9)
+    0.92
     """
 
     orbit: PeriodicOrbit

@@ -51,6 +51,12 @@ class OptimumOptions:
         times its value; without bounds it is the value.
     max_orbits : int
         Orbits that the search looks at, at most.
+
+    Examples
+    --------
+    >>> from saltus.options import OptimumOptions
+    >>> OptimumOptions(max_orbits=100).max_orbits
+    100
     """
 
     margin: float = 1e-3

@@ -46,16 +46,12 @@ class PeriodicOrbit(Solution):
 
     Attributes
     ----------
-    system : HybridSystem
-        The system.
-    parameters : mapping of str to float
-        All parameters.
+    system, parameters : HybridSystem, mapping of str to float
+        The system, and all its parameters.
     form : Signature
         Modes, transitions and ends as indices.
-    states : ndarray, shape (pieces, all states)
-        Full state at the start of each piece. A piece is a segment, or a part of a sensitive segment.
-    durations : ndarray, shape (pieces,)
-        Durations of the pieces.
+    states, durations : ndarray, shapes (pieces, all states) and (pieces,)
+        Full state at the start of each piece, and its duration. A piece is a segment, or part of a sensitive one.
     multipliers : ndarray of complex, shape (states,)
         Floquet multipliers, largest first; an autonomous system's trivial one is last.
     residual : float
@@ -72,6 +68,13 @@ class PeriodicOrbit(Solution):
         The quantity that was fixed when the orbit was solved, and the parameter that was freed.
     implicit : bool
         Whether the flow is stiff, and was followed by implicit steps.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> orbit = saltus.find_orbit(saltus.HybridSystem.smooth({"x": "v", "v": "(1 - x**2)*v - x"}), x0=[2.0, 0.0])
+    >>> round(orbit.period, 8), orbit.stable
+    (6.66328686, True)
     """
 
     system: HybridSystem

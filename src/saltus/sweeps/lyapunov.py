@@ -67,6 +67,14 @@ class LyapunovSpectrum(Result):
         Events that were grazed: no saltation matrix exists there, and none was applied.
     tolerance : (float, float)
         Relative and absolute tolerance of a step of the motion; 0 for a map.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> oscillator = saltus.HybridSystem.smooth({"x": "v", "v": "mu*(1 - x**2)*v - x"}, {"mu": 1.0})
+    >>> spectrum = saltus.lyapunov_spectrum(oscillator, x0=[2.0, 0.0], average=saltus.Average(t_end=500.0))
+    >>> bool(abs(spectrum.exponents[0]) < 0.01), bool(spectrum.exponents[1] < -1.0)
+    (True, True)
     """
 
     system: HybridSystem | Map
@@ -119,7 +127,9 @@ class LyapunovSpectrum(Result):
 
     @property
     def kaplan_yorke(self) -> float:
-        """Kaplan-Yorke dimension, ``k + (l_1 + ... + l_k) / |l_(k+1)|`` with the largest k whose sum is not negative.
+        """Kaplan-Yorke dimension: k plus the sum of the first k exponents over the size of the next one.
+
+        The k is the largest whose sum is not negative.
 
         The dimension belongs to the attractor in the space of the states; for a forced system, to its section at a
         phase. A sum within its error of zero counts as zero, as on a limit cycle. ``nan``: too few exponents were

@@ -115,6 +115,14 @@ class Sweep(Result):
         Options of `run_sweep`, thresholds included.
     stopped : str
         Why the sweep ended, in words.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> logistic = saltus.Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
+    >>> sweep = saltus.run_sweep(logistic, "r", [3.2, 3.5], x0=[0.3])
+    >>> sweep.labels.tolist()
+    [['period-2', 'period-4']]
     """
 
     system: HybridSystem | Map

@@ -60,6 +60,15 @@ class Verification:
         What was checked, in words.
     rows : tuple of Row
         The claims, in order.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> fold = saltus.HybridSystem.smooth({"x": "r - x**2"}, {"r": 1.0})
+    >>> rest = saltus.find_equilibrium(fold, x0=[1.0])
+    >>> checked = saltus.verify(saltus.continue_equilibrium(rest, "r", (-1.0, 2.0)))
+    >>> checked.passed
+    True
     """
 
     subject: str

@@ -76,6 +76,15 @@ class BimodalMap(Result):
         Number of the reason in `reasons` at each pixel; 0 where there is nothing to tell.
     reasons : tuple of str
         Reasons, the first of which is empty.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=(70.0, 440.0), Q=(150.0, 450.0), R_nm=10.0)
+    >>> law, modes = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0), (afm.AM(A0_nm=30.0), afm.FM(A_nm=0.5))
+    >>> seen = afm.bimodal(probe, law, (afm.AM(A0_nm=30.0, setpoint_nm=25.0), modes[1]))
+    >>> round(float(seen["lag_deg"]), 2)
+    56.57
     """
 
     columns: Mapping[str, NDArray[np.float64]]

@@ -58,6 +58,18 @@ class Calibration(Result):
         Where the stiffness is from: ``"sader"``, ``"equipartition"``, ``"given"``, or an empty text.
     notes : tuple of str
         What was found about the spectrum.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from saltus import afm
+    >>> f = np.linspace(10.0, 150.0, 1401)
+    >>> shape = 70.0**3 / 150.0 / ((f**2 - 70.0**2) ** 2 + (f * 70.0 / 150.0) ** 2)
+    >>> noise = np.random.default_rng(1).gamma(50, size=f.size) / 50
+    >>> data = {"f_kHz": f, "psd_nm2_Hz": (1.1e-6 * shape + 1e-8) * noise}
+    >>> found = afm.calibrate(data, length_um=240.0, width_um=35.0, fluid=afm.Fluid.air())
+    >>> print(f"{found['f0_kHz']:.1f} kHz")
+    70.0 kHz
     """
 
     names: tuple[str, ...]

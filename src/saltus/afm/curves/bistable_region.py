@@ -65,6 +65,15 @@ class Bistability(Result):
         Distances at which the search for folds failed or ended before the largest amplitude, and why.
     jumping : (int, int) or None
         The turn from which on an approach jumps: number of the locus, and of the special point on it.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    >>> law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    >>> system = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=10.0)
+    >>> print(str(afm.bistability(system)).splitlines()[0])
+    Bistability of tip and sample, 1 mode: 1 locus of folds, A0_nm from 1 to 30, Zc_nm from 0.5 to 30
     """
 
     system: HybridSystem

@@ -61,6 +61,16 @@ class Curve(Result):
         What is shown of the lag, as `saltus.afm.observables` takes it: ``lag90``, ``bruker0`` or ``asylum``.
     failures : tuple of (float, str)
         Places where motions from some start settle on no orbit that is followed, and what they do instead.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    >>> law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    >>> system = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=20.0)
+    >>> curve = afm.distance_curve(system, (9.0, 14.0))
+    >>> [(jump.direction, round(jump.value, 3)) for jump in curve.jumps]
+    [('approach', 9.878), ('retract', 11.503)]
     """
 
     system: HybridSystem

@@ -65,6 +65,16 @@ class FrequencyShift(Result):
         ``deflection_pm``, ``peak_force_nN``, ``min_force_nN``.
     stopped : str
         Why no point is nearer.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    >>> law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    >>> system = afm.model(probe, law, afm.Drive(A0_nm=10.0), Zc_nm=14.0)
+    >>> far = afm.frequency_shift(system, (13.0, 14.0), 10.0, points=3)
+    >>> far.column("shift_Hz").round(2).tolist()
+    [-2.94, -3.71, -4.83]
     """
 
     system: HybridSystem

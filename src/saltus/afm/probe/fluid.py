@@ -114,7 +114,16 @@ class Fluid:
 
 
 class FluidMode(NamedTuple):
-    """A mode of a cantilever in a fluid."""
+    """A mode of a cantilever in a fluid.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> lever = afm.Cantilever(length=197e-6, width=29e-6, thickness=2e-6, density=2320.0, young=169e9)
+    >>> mode = afm.fluid_modes(lever, afm.Fluid.water(), 1)[0]
+    >>> round(mode.f0_kHz, 2), round(mode.Q, 2)
+    (24.51, 3.49)
+    """
 
     f0_kHz: float  # natural frequency with the fluid's added mass, in kHz
     Q: float  # quality factor by the fluid's drag

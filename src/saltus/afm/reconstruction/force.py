@@ -65,6 +65,17 @@ class ReconstructedForce(Result):
         What speaks against the result, in words.
     errors_given : bool
         Whether errors of the data were given, and not estimated.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=2600.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    >>> Zc = 10.0 + np.geomspace(1.0, 10.0, 40)
+    >>> shift = -300e3 * 0.12 * 12.0 / (6.0 * 2600.0 * (Zc**2 - 10.0**2) ** 1.5)
+    >>> force = afm.reconstruct_force({"Zc_nm": Zc, "shift_Hz": shift, "deflection_pm": 0.0 * Zc}, probe, A_nm=10.0)
+    >>> print(f"{force.F_nN[0]:.3f} nN at {force.D_nm[0]:.2f} nm")
+    -0.240 nN at 1.00 nm
     """
 
     D_nm: NDArray[np.float64]

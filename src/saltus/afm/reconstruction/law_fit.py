@@ -58,6 +58,19 @@ class LawFit:
         How many data count.
     at_bounds : tuple of str
         What was varied and ends at one of its bounds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=2600.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    >>> Zc = 10.0 + np.geomspace(1.0, 10.0, 40)
+    >>> shift = -300e3 * 0.12 * 12.0 / (6.0 * 2600.0 * (Zc**2 - 10.0**2) ** 1.5)
+    >>> force = afm.reconstruct_force({"Zc_nm": Zc, "shift_Hz": shift, "deflection_pm": 0.0 * Zc}, probe, A_nm=10.0)
+    >>> found = force.fit(afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3), {"H_aJ": (0.01, 1.0)})
+    >>> print(found)
+    H_aJ = 0.120001 +- 6e-08
+    chi2 = 2144 of 40 data
     """
 
     law: Law

@@ -84,6 +84,14 @@ class Attractors(Result):
     measured_error : float
         Bound, at 95 % confidence, on the share of any one trapping region that belongs to another basin; 0 where
         proven.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> wells = saltus.HybridSystem.smooth({"x": "v", "v": "x - x**3 - 0.35*v + 0.2*cos(s)"}, phase=("s", 1.0))
+    >>> found = saltus.find_attractors(wells, {}, {"x": (-2, 2), "v": (-2, 2)})
+    >>> found.names
+    ('period-1 A', 'period-1 B')
     """
 
     system: HybridSystem | Map

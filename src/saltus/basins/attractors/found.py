@@ -68,6 +68,12 @@ class AttractorOptions:
         above 1.
     criteria : Criteria
         Criteria that tell quasi-periodic from chaotic motions.
+
+    Examples
+    --------
+    >>> from saltus.options import AttractorOptions
+    >>> AttractorOptions(starts=32, samples=500).starts
+    32
     """
 
     starts: int = 256

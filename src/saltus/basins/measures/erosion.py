@@ -53,6 +53,14 @@ class ErosionProfile(Result):
         The grid, as `Grid.definition` has it.
     stopped : str
         Why it ended, in words.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> basins = saltus.Map(("x",), {"a": 0.5}, {"x": "a*x + x**3"})
+    >>> profile = saltus.erosion_profile(basins, "a", [0.2, 0.5], {"x": (-2.0, 2.0, 101)})
+    >>> profile.values.tolist()
+    [0.2, 0.5]
     """
 
     system: HybridSystem | Map

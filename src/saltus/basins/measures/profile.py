@@ -183,6 +183,14 @@ def erosion_profile(
     M. S. Soliman, J. M. T. Thompson, Integrity measures quantifying the erosion of smooth and fractal basins of
     attraction, J. Sound Vib. 135 (1989) 453-475; G. Rega, S. Lenci, Dynamical integrity and control of nonlinear
     mechanical oscillators, J. Vib. Control 14 (2008) 159-179.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> basins = saltus.Map(("x",), {"a": 0.5}, {"x": "a*x + x**3"})
+    >>> profile = erosion_profile(basins, "a", [0.2, 0.5], {"x": (-2.0, 2.0, 101)})
+    >>> profile.values.tolist()
+    [0.2, 0.5]
     """
     checked_system(system)
     checks.chosen("parameter", parameter, (*system.parameter_names, *system.groups))

@@ -44,6 +44,17 @@ class Branch(OneParameter[PeriodicOrbit], OrbitCurve):
         Along a quantity: its name and its value at the start, and the parameter that is free.
     freed : ndarray, shape (point,)
         Values of the free parameter; NaN where none is free.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> oscillator = saltus.HybridSystem.smooth({"x": "v", "v": "mu*(1 - x**2)*v - x"}, {"mu": 1.0})
+    >>> orbit = saltus.find_orbit(oscillator, x0=[2.0, 0.0])
+    >>> branch = saltus.continue_orbit(orbit, "mu", bounds=(0.5, 2.0))
+    >>> [round(float(value), 6) for value in sorted(branch.values)[:: len(branch) - 1]]
+    [0.5, 2.0]
+    >>> round(branch.at(1.5)[0].period, 6)
+    7.096374
     """
 
     fixed: Fixed | None = None

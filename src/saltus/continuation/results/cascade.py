@@ -104,7 +104,17 @@ class Doublings(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Cascade(Doublings):
-    """Successive period doublings of periodic orbits along a parameter; `Doublings` lists the attributes."""
+    """Successive period doublings of periodic orbits along a parameter; `Doublings` lists the attributes.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> lure = saltus.HybridSystem.smooth({"x": "y", "y": "z", "z": "-al*z - y - x + x**2"}, {"al": 1.2})
+    >>> diagram = saltus.diagram(lure, "al", (0.5, 1.5), x0=[0.0, 0.0, 0.0])
+    >>> cascade = saltus.follow_cascade(diagram[1]["PD1"], (0.5, 1.5), doublings=2)
+    >>> [round(float(value), 5) for value in cascade.values]
+    [0.6303, 0.57963, 0.56922]
+    """
 
     start: SpecialPoint
     branches: tuple[Branch, ...]

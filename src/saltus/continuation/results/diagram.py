@@ -103,6 +103,14 @@ class Diagram(Result):
         Why the search ended: all branches to the depth, the most branches, or an interrupt.
     options : mapping
         Arguments of `saltus.diagram`.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> lure = saltus.HybridSystem.smooth({"x": "y", "y": "z", "z": "-al*z - y - x + x**2"}, {"al": 1.2})
+    >>> diagram = saltus.diagram(lure, "al", (0.5, 1.5), x0=[0.0, 0.0, 0.0])
+    >>> [round(diagram[i][label].parameters["al"], 5) for i, label in ((0, "HB1"), (1, "PD1"))]
+    [1.0, 0.6303]
     """
 
     system: HybridSystem | Map

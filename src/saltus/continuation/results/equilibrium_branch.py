@@ -23,6 +23,17 @@ class EquilibriumBranch(OneParameter[Equilibrium], EquilibriumCurve):
     events. `SpecialPoint.kind` of a BE is ``persistence`` where the equilibrium goes on in the neighbouring mode. It is
     ``nonsmooth fold`` where both lie on the same side of the parameter. `OneParameter` and `EquilibriumCurve` list the
     attributes.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> lorenz = saltus.HybridSystem.smooth(
+    ...     {"x": "10*(y - x)", "y": "x*(r - z) - y", "z": "x*y - 8*z/3"}, {"r": 0.5}
+    ... )
+    >>> rest = saltus.find_equilibrium(lorenz)
+    >>> branch = saltus.continue_equilibrium(rest, "r", bounds=(0.0, 3.0))
+    >>> [(point.label, round(point.parameters["r"], 9)) for point in branch.special_points]
+    [('BP1', 1.0)]
     """
 
     def _attempts(

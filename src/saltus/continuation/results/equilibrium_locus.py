@@ -33,6 +33,17 @@ class EquilibriumLocus(TwoParameters[Equilibrium], EquilibriumCurve):
     ----------
     frequency : ndarray, shape (point,)
         Imaginary part of the critical pair on an HB locus, in radians per unit of time; NaN on other loci.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> neuron = saltus.HybridSystem.smooth(
+    ...     {"v": "v - v**3/3 - w + I", "w": "c*(v + 0.7 - 0.8*w)"}, {"I": 0.0, "c": 0.08}
+    ... )
+    >>> branch = saltus.continue_equilibrium(saltus.find_equilibrium(neuron, x0=[-1.2, -0.6]), "I", bounds=(0.0, 2.0))
+    >>> locus = saltus.continue_locus(branch["HB1"], ("I", "c"), {"I": (0.0, 2.0), "c": (0.02, 0.5)})
+    >>> locus.type
+    'HB'
     """
 
     frequency: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))

@@ -52,6 +52,17 @@ class Family(Result):
         `StepControl`, ``at_grazing`` among them), ``directions``, ``events`` and ``stop_at``.
     interrupted : bool
         Whether the computation was interrupted (Ctrl-C) before all members were done.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> spring = saltus.HybridSystem.smooth(
+    ...     {"x": "v", "v": "-c*v - x + cos(s)"}, {"c": 0.3, "w": 0.6}, phase=("s", "w")
+    ... )
+    >>> orbit = saltus.find_orbit(spring, x0=[0.0, 0.0])
+    >>> family = saltus.continue_family(orbit, "w", {"c": [0.2, 0.4]}, (0.6, 1.4), workers=1)
+    >>> [round(float(branch.column("max_x").max()), 2) for branch in family]
+    [5.02, 2.55]
     """
 
     system: HybridSystem

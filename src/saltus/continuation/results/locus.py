@@ -40,6 +40,19 @@ class Locus(TwoParameters[PeriodicOrbit], OrbitCurve):
     coefficient : ndarray, shape (point,)
         Test function of CP, GPD and CH, over its size at the start; NaN on other loci. Its zeros are those of the
         normal form's coefficient. Its sign is not, since a determinant that removes poles is a factor.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> ball = saltus.HybridSystem(
+    ...     ("z", "v"), {"e": 0.5, "a": 1.2, "w": 1.0}, {"flight": saltus.Mode({"z": "v", "v": "-1"})},
+    ...     [saltus.Transition("flight", "flight", "z - a*sin(s)", -1, {"v": "-e*v + (1 + e)*a*w*cos(s)"})],
+    ...     phase=("s", "w"),
+    ... )
+    >>> branch = saltus.continue_orbit(saltus.find_orbit(ball, x0=[0.6, 3.1, 0.5]), "a", bounds=(0.9, 1.8))
+    >>> locus = saltus.continue_locus(branch["PD1"], ("a", "e"), {"a": (0.9, 1.8), "e": (0.4, 0.6)})
+    >>> locus.type, locus.parameters
+    ('PD', {'e': 0.5, 'a': 1.526823700519116, 'w': 1.0})
     """
 
     angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))

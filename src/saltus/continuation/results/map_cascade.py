@@ -26,7 +26,18 @@ _KEPT = ("state", "parameter", "multiplier")  # dimensions that all branches sha
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MapCascade(Doublings):
-    """Successive period doublings of orbits of a map along a parameter; `Doublings` lists the attributes."""
+    """Successive period doublings of orbits of a map along a parameter; `Doublings` lists the attributes.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> logistic = saltus.Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
+    >>> orbit = saltus.find_orbit(logistic, {"r": 2.5}, x0=[0.1])
+    >>> branch = saltus.continue_orbit(orbit, "r", bounds=(2.0, 3.6))
+    >>> cascade = saltus.follow_cascade(branch["PD1"], (2.0, 3.6), doublings=3)
+    >>> [round(float(value), 5) for value in cascade.values]
+    [3.0, 3.44949, 3.54409, 3.56441]
+    """
 
     start: SpecialPoint[MapOrbit]
     branches: tuple[MapBranch, ...]

@@ -151,6 +151,15 @@ class MapBranch(OneParameter[MapOrbit], MapCurve):
     (extremum) and users' events. `SpecialPoint.kind` of a BC is ``persistence`` where the orbit goes on in the
     neighbouring itinerary. It is ``nonsmooth fold`` where both lie on the same side of the parameter. `OneParameter`
     and `MapCurve` list the attributes.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> logistic = saltus.Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
+    >>> orbit = saltus.find_orbit(logistic, {"r": 2.5}, x0=[0.1])
+    >>> branch = saltus.continue_orbit(orbit, "r", bounds=(2.0, 3.5))
+    >>> [(point.label, round(point.parameters["r"], 9)) for point in branch.special_points]
+    [('PD1', 3.0)]
     """
 
     def _attempts(self, a: MapOrbit, b: MapOrbit, share: float, value: float) -> Iterator[Callable[[], MapOrbit]]:

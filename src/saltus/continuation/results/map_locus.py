@@ -33,6 +33,16 @@ class MapLocus(TwoParameters[MapOrbit], MapCurve):
     ----------
     angle : ndarray, shape (point,)
         Angle of the critical pair on a TR locus, in radians; NaN on other loci.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> henon = saltus.Map(("x", "y"), {"a": 0.1, "b": 0.3}, {"x": "1 - a*x**2 + y", "y": "b*x"})
+    >>> orbit = saltus.find_orbit(henon, x0=[0.0, 0.0])
+    >>> branch = saltus.continue_orbit(orbit, "a", bounds=(0.0, 1.0))
+    >>> locus = saltus.continue_locus(branch["PD1"], ("a", "b"), {"a": (0.0, 1.0), "b": (0.0, 0.9)})
+    >>> locus.type
+    'PD'
     """
 
     angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))

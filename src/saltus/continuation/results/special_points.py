@@ -94,6 +94,17 @@ class SpecialPoint(Generic[Solved]):
     homoclinic : Homoclinic or None
         At a HOM its saddle with the leading eigenvalues, at a SNIC its saddle-node. At a BC the equilibrium that meets
         an event, where the period grows without bound. The solution is the longest cycle.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> lorenz = saltus.HybridSystem.smooth(
+    ...     {"x": "10*(y - x)", "y": "x*(r - z) - y", "z": "x*y - 8*z/3"}, {"r": 0.5}
+    ... )
+    >>> branch = saltus.continue_equilibrium(saltus.find_equilibrium(lorenz), "r", bounds=(0.0, 3.0))
+    >>> point = branch["BP1"]
+    >>> point.type, round(point.parameters["r"], 9)
+    ('BP', 1.0)
     """
 
     type: str
