@@ -25,9 +25,7 @@ _ENDS = 800.0  # size of an exponent beyond which exp is nothing or infinite wit
 _AT_REST = 45.0  # size of an argument beyond which tanh rests: at 1 to within 1e-39
 _LEAST = -1e4  # exponents below are this, as that of 0 is
 UNSEEN = 4.0  # what counts as the way where something may go unseen: more than any step may go
-_TURNING = (
-    6.0  # slope over bend of a parabola up to which it turns nearby: places are not equal, nor is it one
-)
+_TURNING = 6.0  # slope over bend of a parabola up to which it turns nearby: places are not equal, nor is it one
 _NEAR = 0.2  # extreme of an argument, over its range in two parts of a step, below which it may reach beyond 0
 
 
