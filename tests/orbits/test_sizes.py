@@ -52,7 +52,8 @@ def test_steps_that_may_be_unstable_are_halved():
     meshes = [np.array([0.0, 0.2, 1.0]), np.array([0.0, 0.5, 0.6, 1.0])]
     places, starts = np.concatenate(meshes), np.array([0, 3, 7])
     fresh, ends = np.empty(3 * places.size + 16), np.empty_like(starts)
-    fine, count = moved(places, starts, np.zeros(7), 5.0, 2.0 * UNSTABLE, 500, fresh, ends)
+    loop = np.array([0, 1])
+    fine, count = moved(places, starts, loop, np.zeros(7), 5.0, 2.0 * UNSTABLE, True, 500, fresh, ends)
     assert (fine, count, ends.tolist()) == (False, 12, [0, 5, 12])
     for mesh, own in zip(meshes, np.split(fresh[:count], ends[1:-1]), strict=True):
         np.testing.assert_allclose(own, np.interp(np.arange(2 * mesh.size - 1) / 2, np.arange(mesh.size), mesh))
@@ -61,7 +62,8 @@ def test_steps_that_may_be_unstable_are_halved():
 def test_meshes_stay_where_errors_are_small_or_not_finite():
     places, starts = np.linspace(0.0, 1.0, 5), np.array([0, 5])
     for errors, fine in ((np.full(5, 0.5), True), (np.full(5, np.nan), True), (np.full(5, np.inf), False)):
-        assert moved(places, starts, errors, 1.0, 1.0, 500, np.empty(23), np.empty_like(starts)) == (fine, 0)
+        given = places, starts, np.array([0]), errors, 1.0, 1.0, True, 500
+        assert moved(*given, np.empty(23), np.empty_like(starts)) == (fine, 0)
 
 
 def test_an_orbit_has_swollen_by_its_range_or_its_distance():
