@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 import saltus
-from discrete import LOGISTIC
 from saltus.errors import InputError
 from saltus.explorer import opening
 
@@ -13,7 +12,7 @@ from saltus.explorer import opening
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"system": LOGISTIC}, "system = 'Map': must be a HybridSystem"),
+        ({"system": "pendulum"}, "system = 'str': must be a HybridSystem or a Map"),
         ({"load": 3}, "load = 3: must be the path of a file"),
     ],
 )

@@ -1,8 +1,9 @@
-"""Run pytest for the rooms of the lower floors, then for all others: a worker that compiled for all would need 2 GiB.
+"""Run pytest for rooms of the lower floors, for those of the upper ones, then for all else.
 
-The arguments are those of pytest, the same for both runs. The exit status is the first that is neither success nor
-"no test selected", which is fine in one of them. Bytecode is written, whatever PYTHONDONTWRITEBYTECODE says: without it
-each process compiles all modules and tests anew, 45 s of the processor a process.
+Compiled code stays in a process, and one worker for all would need 2 GiB. The arguments are those of pytest, the same
+for all runs. The exit status is the first that is neither success nor "no test selected", which is fine in some of
+them. Bytecode is written, whatever PYTHONDONTWRITEBYTECODE says: without it each process compiles all modules and tests
+anew, 45 s of the processor a process.
 """
 
 from __future__ import annotations
@@ -12,20 +13,26 @@ import subprocess
 import sys
 from pathlib import Path
 
-LOWER = {"algebraic", "continuation", "equilibria", "flow", "maps", "orbits", "system"}
+ROOMS = (
+    {"algebraic", "continuation", "equilibria", "flow", "maps", "orbits", "system"},
+    {"afm", "basins", "ensemble", "fitting", "optimisation", "sweeps", "verification"},
+)
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 NOTHING_SELECTED = 5
 
 
 def main(arguments: list[str]) -> int:
-    """Run both, and return the exit status."""
+    """Run all, and return the exit status."""
     rooms = {path.name for path in TESTS.iterdir() if path.is_dir() or path.name.startswith("test_")}
-    if unknown := LOWER - rooms:
+    if unknown := set().union(*ROOMS) - rooms:
         raise SystemExit(f"tools/run_tests.py: no rooms in tests/: {', '.join(sorted(unknown))}")
-    others = [f"--ignore=tests/{room}" for room in sorted(rooms - LOWER)]
     surroundings = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
+    left_out = [
+        [*(f"--ignore=tests/{room}" for room in sorted(rooms - group)), "--ignore-glob=src/*"] for group in ROOMS
+    ]
+    left_out.append([f"--ignore=tests/{room}" for room in sorted(set().union(*ROOMS))])
     statuses = []
-    for ignored in ([*others, "--ignore-glob=src/*"], [f"--ignore=tests/{room}" for room in sorted(LOWER)]):
+    for ignored in left_out:
         try:
             command = [sys.executable, "-m", "pytest", *ignored, *arguments]
             statuses.append(subprocess.call(command, cwd=TESTS.parent, env=surroundings))

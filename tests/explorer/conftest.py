@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import saltus
+from saltus import companion
 from saltus.afm.explorer_models import TAPPING
 from saltus.explorer.application import Application
 from saltus.explorer.session import Session, new_folder
@@ -49,6 +50,14 @@ def _at_once(called: Callable[[], Coroutine]) -> None:
 def heard(monkeypatch) -> None:
     """Call at once what listens to widgets: without a server Panel makes a loop for each call, and leaves it open."""
     monkeypatch.setattr("param.parameterized.async_executor", _at_once)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def none_left():
+    """End processes that sessions leave to the next ones: other tests count processes."""
+    yield
+    while companion._LEFT:
+        companion._ended(companion._LEFT.pop()[1][0])
 
 
 @pytest.fixture(scope="session")

@@ -306,7 +306,7 @@ def test_a_store_whose_search_was_written_under_other_names_is_resumed(well, tmp
 
 
 def test_a_store_of_another_version_is_refused(stored, well, both, monkeypatch):
-    monkeypatch.setattr(saltus.basins.map.mapping, "version", lambda name: "9.9")
+    monkeypatch.setattr(saltus.basins.map.mapping, "__version__", "9.9")
     with pytest.raises(InputError, match=rf"its saltus_version is '{saltus.__version__}', not '9\.9'$"):
         map_basins(well, {}, BOX, both, path=stored.path)
 

@@ -19,7 +19,7 @@ from saltus.afm.paper.figures.files import read_results
 from saltus.plotting.space import stretches_of
 from selection import THOROUGH, guarding
 
-pytestmark = THOROUGH  # the whole figure
+pytestmark = [*THOROUGH]  # the whole figure
 
 LOCI = ["SN_1", "SN_2", "grazing", "SN_1_D_rep_0.1", "SN_1_D_rep_30", "SN_1_D_att_0.025", "SN_1_D_att_0.14"]
 A0 = 1.0 / 300.0

@@ -20,7 +20,7 @@ from saltus.afm.paper.figures import fig6, runner
 from saltus.afm.paper.figures.files import read_results
 from selection import THOROUGH
 
-pytestmark = THOROUGH  # the whole figure
+pytestmark = [*THOROUGH]  # the whole figure
 
 A0 = 1.0 / 300.0
 KEYS = ["D_att_1", "D_rep_1", "omega", "min_z"]
