@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit
+from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, solve_orbit
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.problems.turning import followed_pairs, products
+from saltus.continuation.problems.turning import followed_pairs, parting, products
+from selection import guarding
 
 RADIUS = 0.9
 
@@ -40,9 +42,18 @@ def test_a_pair_that_parts_far_enough_is_not_taken_to_turn_on() -> None:
     assert turned_through([math.acos(1.0001 * math.cos(angle)) for angle in (-1.9, -1.2, -0.5, 0.2)])[0].steady
 
 
-def test_steps_longer_than_a_quarter_turn_and_a_first_step_tell_nothing() -> None:
+def test_steps_longer_than_a_quarter_turn_and_a_first_step_next_to_the_axis_tell_nothing() -> None:
     assert not turned_through([-2.0, -0.4, 1.2])[0].steady
-    assert not turned_through([0.3, 0.4])[0].steady
+    assert not turned_through([0.3, 0.6])[0].steady
+    assert turned_through([0.3, 0.4])[0].steady
+
+
+def test_a_pair_that_may_have_parted_is_told_unless_the_step_is_fine() -> None:
+    assert parting(turned_through([-1.9, -1.2, -0.5, 0.2])) is None
+    assert "may part to 1 or -1" in str(
+        parting(turned_through([math.acos(1.01 * math.cos(a)) for a in (-1.9, -0.5, 0.2)]))
+    )
+    assert parting(turned_through([-0.4, -0.2, -0.009, 0.009])) is None
 
 
 def test_two_pairs_whose_angles_cross_keep_their_rates() -> None:
@@ -68,3 +79,47 @@ def test_every_pair_that_parts_to_1_or_minus_1_and_comes_back_is_found() -> None
     found = sorted(point.parameters["p"] for point in branch.special_points)
     expected = sorted((k * math.pi + side * away) / 3.0 for k in (1, 2) for side in (-1.0, 1.0))
     assert found == pytest.approx(expected, abs=1e-8)
+
+
+def chain(seed: int) -> tuple[HybridSystem, list[tuple[float, str]]]:
+    """A map of two or three pairs that part and come back at several rates, in turned axes, and its special points."""
+    random = np.random.default_rng(seed)
+    pairs = int(random.integers(2, 4))
+    axes = np.linalg.qr(random.normal(size=(2 * pairs, 2 * pairs)))[0].tolist()
+    names = [f"x{k}" for k in range(2 * pairs)]
+    along = [
+        "(" + " + ".join(f"({row[i]})*{name}" for row, name in zip(axes, names, strict=True)) + ")"
+        for i in range(2 * pairs)
+    ]
+    images, points = [], []
+    places = np.linspace(0.0, 3.0, 20001)
+    for k in range(pairs):
+        square, rate, begin, size = (
+            float(random.uniform(*ends)) for ends in ((0.5, 0.95), (1, 9), (0, 6), (0.9, 1.15))
+        )
+        trace = f"{2.0 * math.sqrt(square) * size}*cos({rate}*p + {begin})"
+        images += [along[2 * k + 1], f"(-{square}*{along[2 * k]} + {trace}*{along[2 * k + 1]} - {along[2 * k + 1]}**3)"]
+        for kind, sign in (("BP", 1.0), ("PD", -1.0)):
+
+            def over(p, sign=sign, square=square, rate=rate, begin=begin, size=size):
+                return 1.0 + square - sign * 2.0 * math.sqrt(square) * size * math.cos(rate * p + begin)
+
+            signs = np.sign([over(p) for p in places])
+            points += [(brentq(over, places[i], places[i + 1]), kind) for i in np.nonzero(signs[1:] != signs[:-1])[0]]
+    resets = {
+        name: " + ".join(f"({a})*{image}" for a, image in zip(row, images, strict=True))
+        for name, row in zip(names, axes, strict=True)
+    }
+    wait = Mode(dict.fromkeys(names, "0") | {"s": "1"})
+    turn = Transition("wait", "wait", "s - 1", 1, resets | {"s": "0"}, name="map")
+    return HybridSystem((*names, "s"), {"p": 0.0}, {"wait": wait}, [turn]), sorted(points)
+
+
+@pytest.mark.parametrize("seed", guarding([0, 1, 3, 6, 7, 10, 11, 12], 7))
+def test_all_special_points_of_pairs_that_turn_fast_are_found(seed: int) -> None:
+    system, expected = chain(seed)
+    orbit = solve_orbit(system, {}, [("wait", "map", [0.0] * len(system.states), 1.0)])
+    branch = continue_orbit(orbit, "p", (0.0, 3.0))
+    found = sorted((point.parameters["p"], point.type) for point in branch.special_points)
+    assert [kind for _, kind in found] == [kind for _, kind in expected]
+    assert [place for place, _ in found] == pytest.approx([place for place, _ in expected], abs=1e-7)

@@ -21,7 +21,7 @@ from saltus.continuation.problems.guards import INFINITE, residual_fault, unconf
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
-from saltus.continuation.problems.turning import Pair, followed_pairs, products
+from saltus.continuation.problems.turning import Pair, followed_pairs, parting, products
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.problems.watching import Watched, beyond
 from saltus.orbits import records
@@ -264,6 +264,7 @@ class OrbitZeroProblem:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
             monitors[name], fault, self._crossed = ends[1], None, way.real
+        fault = fault if self.neutral else fault or parting(data.pairs)
         return Examined(monitors, fault, data, doubled_by(followed), products(data.pairs, followed, self.vanish_at))
 
     def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:

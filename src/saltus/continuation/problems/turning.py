@@ -6,9 +6,11 @@ the products that vanish at 1 or at -1 dip. docs/theory/continuation.md, "Specia
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+from saltus.continuation.core.locating import CROWDED
 from saltus.continuation.problems.guards import INFINITE
 
 if TYPE_CHECKING:
@@ -16,11 +18,13 @@ if TYPE_CHECKING:
 
     from saltus.continuation.core.monitor import Monitor
 
-__all__ = ["Pair", "followed_pairs", "products"]
+__all__ = ["Pair", "followed_pairs", "parting", "products"]
 
 _COMPLEX = 1e-12  # least imaginary part of a multiplier of a pair, over its size
 _FAR = 1.5  # angle in a step, in radians, from which on a pair is not followed
 _SAFE = 2.0  # factor on the parting that a pair's angles leave room for
+_LITTLE = 0.75  # change of an angle, over its distance from the axis, up to which it has not passed the axis
+_FINE = 0.02  # angle in a step, in radians, up to which a pair that parts and comes back would be another one
 
 
 class Pair(NamedTuple):
@@ -29,7 +33,10 @@ class Pair(NamedTuple):
     name: int
     value: complex  # the one above the axis
     angle: float  # of the one that is followed, in radians
-    rate: float  # at which it turns along the branch; NaN where it is not known
+    rate: float  # at which it turned in the step to here; NaN where it is not known
+    bend: float  # by which the rate changes along the branch; 0 where it is not known
+    step: float  # arclength of the step to here
+    turned: float  # angle that it turned in the step to here, at most
     steady: bool  # whether it turned on in the step to here, so that neither reached 1 or -1
 
 
@@ -48,26 +55,50 @@ def followed_pairs(before: Sequence[Pair], values: Sequence[complex], step: floa
     above = [value for value in values if value.imag > _COMPLEX * abs(value)]
     ways = []
     for i, pair in enumerate(before):
-        expected = pair.angle + (pair.rate * step if math.isfinite(pair.rate) else 0.0)
+        turned = 0.0
+        if math.isfinite(pair.rate):
+            turned = (pair.rate + 0.5 * pair.bend * (pair.step + step)) * step
+        expected = pair.angle + turned
+        place = cmath.rect(abs(pair.value), expected)
         for j, value in enumerate(above):
-            angle = math.atan2(value.imag, value.real)
-            off = min((math.remainder(side - expected, 2.0 * math.pi) for side in (angle, -angle)), key=abs)
-            ways.append((abs(off), i, j, expected + off))
+            side = value if abs(value - place) <= abs(value.conjugate() - place) else value.conjugate()
+            off = math.remainder(cmath.phase(side) - expected, 2.0 * math.pi)
+            ways.append((abs(side - place), i, j, expected + off, off))
     found: dict[int, Pair] = {}
     taken = set[int]()
-    for off, i, j, angle in sorted(ways):
+    for _, i, j, angle, off in sorted(ways):
         if i in taken or j in found:
             continue
         taken.add(i)
         pair = before[i]
-        steady = math.isfinite(pair.rate) and _turns_on(pair, above[j], angle, off)
-        found[j] = Pair(pair.name, above[j], angle, (angle - pair.angle) / step if step > 0.0 else math.nan, steady)
+        known = math.isfinite(pair.rate)
+        near, turned = _off_axis(pair.angle), abs(angle - pair.angle)
+        if known:
+            steady = _turns_on(pair, above[j], angle, abs(off))
+        else:
+            steady, turned = turned < _LITTLE * min(near, _off_axis(angle)), max(turned, near + _off_axis(angle))
+        rate, bend = (angle - pair.angle) / step if steady and step > 0.0 else math.nan, 0.0
+        if steady and known:
+            bend = 2.0 * (rate - pair.rate) / (step + pair.step)
+        found[j] = Pair(pair.name, above[j], angle, rate, bend, step, turned, steady)
     name = max((pair.name for pair in before), default=-1)
     for j, value in enumerate(above):
         if j not in found:
             name += 1
-            found[j] = Pair(name, value, math.atan2(value.imag, value.real), math.nan, False)
+            found[j] = Pair(name, value, cmath.phase(value), math.nan, 0.0, step, 0.0, False)
     return tuple(sorted(found.values()))
+
+
+def _off_axis(angle: float) -> float:
+    """Return how far an angle is from the real axis."""
+    return abs(math.remainder(angle, math.pi))
+
+
+def parting(pairs: Sequence[Pair]) -> str | None:
+    """Return that one of the pairs may have parted to 1 or -1 and come back in the step to here; None if none may."""
+    if any(not pair.steady and pair.turned > _FINE and pair.step > CROWDED for pair in pairs):
+        return "events: a pair of multipliers may part to 1 or -1 and come back within the step"
+    return None
 
 
 def _turns_on(pair: Pair, value: complex, angle: float, off: float) -> bool:
@@ -79,7 +110,7 @@ def _turns_on(pair: Pair, value: complex, angle: float, off: float) -> bool:
     first, last = math.floor(pair.angle / math.pi), math.floor(angle / math.pi)
     if abs(angle - pair.angle) > _FAR or abs(last - first) > 1:
         return False
-    a, b = (abs(math.remainder(end, math.pi)) for end in (pair.angle, angle))
+    a, b = _off_axis(pair.angle), _off_axis(angle)
     if first == last:
         return off < min(a, b)
     away = min(abs(abs(pair.value) - 1.0), abs(abs(value) - 1.0))
