@@ -56,7 +56,7 @@ def test_a_wrong_digit_is_seen():
     answer = Answer("a problem", "a source", "(1.250, -2.5e-4)", lambda: (1.2504, -2.54e-4))
     assert answer.agrees(answer.compute())
     assert answer.digits == "4, 2"
-    assert answer.shown(answer.compute()) == "(1.25040, -0.0002540)"
+    assert answer.shown(answer.compute()) == "(1.25040, -2.540e-4)"
     assert not answer.agrees((1.2506, -2.54e-4))
     assert not answer.agrees((1.2504, -2.56e-4))
     with pytest.raises(ValueError, match="shorter"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -49,11 +49,8 @@ class Answer:
         """Return what was found as the page shows it: the printed text with other numbers."""
         if not self.numbers:
             return str(found)
-        texts: Iterator[str] = (
-            str(rounded(value, unit_of(number) * (1 if significant(number) >= LONG else Decimal("0.01"))))
-            for number, value in zip(self.numbers, values(found), strict=True)
-        )
-        return NUMBER.sub(lambda _: next(texts), self.printed).replace("E", "e")
+        left = iter(values(found))
+        return NUMBER.sub(lambda printed: told(printed.group(), next(left)), self.printed)
 
 
 def values(found: Found) -> tuple[float, ...]:
@@ -63,6 +60,13 @@ def values(found: Found) -> tuple[float, ...]:
 def unit_of(number: Decimal) -> Decimal:
     """Return one in the last digit of a printed number."""
     return Decimal(1).scaleb(int(number.as_tuple().exponent))
+
+
+def told(printed: str, value: float) -> str:
+    """Return a value in the form of a printed number."""
+    mantissa, power, exponent = printed.partition("e")
+    unit = unit_of(Decimal(mantissa)) * (1 if significant(Decimal(mantissa)) >= LONG else Decimal("0.01"))
+    return f"{Decimal(repr(float(value))).scaleb(-int(exponent or 0)).quantize(unit)}{power}{exponent}"
 
 
 def significant(number: Decimal) -> int:

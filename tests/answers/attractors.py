@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
@@ -91,10 +90,11 @@ EXPONENTS = [
 WORDS = [
     Answer("logistic map at r = 3.54: motion", "period doublings at 3.4495 and 3.5441", "period-4",
            lambda: logistic_label(3.54)),
-    Answer("logistic map at r = 3.83: motion", "the window from 1 + sqrt(8) on", "period-3", lambda: logistic_label(3.83)),
+    Answer("logistic map at r = 3.83: motion", "the window from 1 + sqrt(8) on", "period-3",
+           lambda: logistic_label(3.83)),
     *(
         Answer(f"tapping cantilever of two modes, Omega = {omega}: motion", PAPER, word,
-               lambda omega=omega: tapping()[omega], campaign=True)
+               lambda omega=omega: tapping()[omega])
         for omega, word in ((1.0, "period-2"), (1.02, "period-4"), (1.023, "chaotic"), (1.046, "quasi-periodic"))
     ),
 ]  # fmt: skip

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from functools import cache
 
-import numpy as np
-
 import fields
 import known_maps
 import saltus
@@ -56,7 +54,7 @@ def table_branch():
 
 @cache
 def grazing_locus():
-    point = [p for p in impact_branch(1.1).special_points if p.type == "GR" and len(p.orbit.signature) == 1][0]
+    point = next(p for p in impact_branch(1.1).special_points if p.type == "GR" and len(p.orbit.signature) == 1)
     return saltus.continue_locus(point, ("w", "A"), {"w": (0.9, 2.3), "A": (0.005, 15.0)})
 
 
@@ -277,11 +275,18 @@ OF_EQUILIBRIA = [
 ]  # fmt: skip
 
 
-@cache
-def logistic_branch(period):
-    r, low = {1: (2.5, 1.5), 2: (3.2, 3.05), 3: (3.835, 3.8), 4: (3.5, 3.46), 8: (3.55, 3.5445)}[period]
-    start = saltus.solve_orbit(known_maps.logistic(), {"r": r}, x0=[[x] for x in logistic_cycle(r, period)])
-    return saltus.continue_orbit(start, "r", (low, 3.9)).special_points
+def doubling(period):
+    """Return where an orbit of the logistic map doubles, the one special point of its branch."""
+    a, low = {1: (2.5, 1.5), 2: (3.2, 3.05), 4: (3.5, 3.46), 8: (3.55, 3.5445)}[period]
+    points = [("carry", "map", [x, 0.0], 1.0) for x in logistic_cycle(a, period)]
+    start = saltus.solve_orbit(systems.carried_map(("x",), {"a": a}, LOGISTIC), {}, points)
+    (point,) = saltus.continue_orbit(start, "a", (low, 3.9)).special_points
+    return point.parameters["a"] if point.type == "PD" else math.nan
+
+
+def window():
+    start = saltus.solve_orbit(known_maps.logistic(), {"r": 3.835}, x0=[[x] for x in logistic_cycle(3.835, 3)])
+    return only(saltus.continue_orbit(start, "r", (3.8, 3.9)).special_points, "SN").parameters["r"]
 
 
 @cache
@@ -335,16 +340,16 @@ def tongue():
 
 
 OF_MAPS = [
-    Answer("logistic map: period doubling of the fixed point", "closed form", "3.0000000000",
-           lambda: only(logistic_branch(1), "PD").parameters["r"], "3"),
+    Answer("logistic map as a hybrid system: period doubling of the fixed point", "closed form", "3.0000000000",
+           lambda: doubling(1), "3"),
     Answer("the same: of the orbit of period 2", "closed form", "3.4494897428",
-           lambda: only(logistic_branch(2), "PD").parameters["r"], "1 + sqrt(6)"),
+           lambda: doubling(2), "1 + sqrt(6)"),
     Answer("the same: of the orbit of period 4", FEIGENBAUM, "3.5440903596",
-           lambda: only(logistic_branch(4), "PD").parameters["r"]),
+           lambda: doubling(4)),
     Answer("the same: of the orbit of period 8", FEIGENBAUM, "3.5644072661",
-           lambda: only(logistic_branch(8), "PD").parameters["r"]),
-    Answer("the same: saddle-node of the orbit of period 3", "closed form", "3.828427125",
-           lambda: only(logistic_branch(3), "SN").parameters["r"], "1 + sqrt(8)"),
+           lambda: doubling(8)),
+    Answer("logistic map: saddle-node of the orbit of period 3", "closed form", "3.828427125", window,
+           "1 + sqrt(8)"),
     Answer("Henon's map as a hybrid system, b = 0.3: saddle-node", "closed form", "-0.1225000000",
            lambda: of_carried("Henon", "SN", "a"), "-0.7**2/4"),
     Answer("the same: period doubling", "closed form", "0.3675000000", lambda: of_carried("Henon", "PD", "a"),

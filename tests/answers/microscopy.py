@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
 
+import saltus
 from answers.answer import Answer
 from saltus import afm
 from saltus.afm.calibration.stiffness import modal_over_static, optical_chi
@@ -62,6 +62,24 @@ def static_ratio():
 
 
 @cache
+def lever():
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    return afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=10.0)
+
+
+def free_motion():
+    far = {"Zc_nm": 100.0, "H_aJ": 0.0, "f_kHz": 300.3}
+    seen = afm.observables(saltus.find_orbit(lever(), far, x0=[0.0, 0.0]))
+    return seen["amplitude_nm"], seen["lag_deg"], seen["E_med_eV"]
+
+
+def shift():
+    curve = afm.frequency_shift(lever(), (13.0, 14.0), 10.0, points=2, parameters={"k_N_m": 2600.0})
+    return tuple(curve.column("shift_Hz"))
+
+
+@cache
 def adhesive():
     return afm.JKR(E_GPa=0.05, w_N_m=0.05)
 
@@ -72,12 +90,20 @@ LEVERS = [
            lambda: tuple(wavenumbers(5))),
     Answer("rectangular cantilever: stiffness of the first mode over the static one",
            "Melcher, Hu, Raman, Appl. Phys. Lett. 91 (2007) 053101", "1.030", static_ratio),
-    Answer("the same: static stiffness over that of the first mode", "closed form", "0.971", lambda: 1.0 / modal_over_static(), "12/1.875104068712**4"),
-    Answer("the same: optical sensitivity, static over first mode", "Higgins et al., Rev. Sci. Instrum. 77 (2006) 013701",
-           "1.09", lambda: optical_chi()),
+    Answer("the same: static stiffness over that of the first mode", "closed form", "0.971",
+           lambda: 1.0 / modal_over_static(), "12/1.875104068712**4"),
+    Answer("the same: optical sensitivity, static over first mode",
+           "Higgins et al., Rev. Sci. Instrum. 77 (2006) 013701", "1.09", lambda: optical_chi()),
     Answer("silicon cantilever in air, 397 x 29 um, 17.36 kHz, Q = 55.5: spring constant in N/m",
            "Sader, Chon, Mulvaney, Rev. Sci. Instrum. 70 (1999) 3967, Table 1", "0.157",
            lambda: afm.sader_stiffness(17.36, 55.5, length_um=397.0, width_um=29.0, fluid=afm.Fluid.air())),
+    Answer("free cantilever, 26 N/m, Q = 400, driven 0.1 % above resonance: amplitude in nm, lag, loss in eV",
+           "closed form", "(9.362889, 128.645845, 111.842458)", free_motion,
+           "0.03/sqrt((1 - 1.001**2)**2 + (1.001/400)**2), 180/pi*(pi - atan(1.001/400/(1.001**2 - 1))), "
+           "pi*26*0.03**2*1.001/400/((1 - 1.001**2)**2 + (1.001/400)**2)/0.1602176634"),
+    Answer("stiff cantilever above a van der Waals force, amplitude 10 nm held: frequency shifts in Hz",
+           "Giessibl, Phys. Rev. B 56 (1997) 16010; closed form", "(-0.0294, -0.0483)", shift,
+           "-300000*0.12*12/(6*2600*96**1.5), -300000*0.12*12/(6*2600*69**1.5)", campaign=True),
     Answer("tapping cantilever: frequency in Hz and modal stiffness in N/m", PAPER, "(51519.24, 1.9434665)",
            lambda: (table1().f_1, table1().k)),
     Answer("the same: ratio of the first two stiffnesses, drives of both modes", PAPER,
@@ -92,7 +118,8 @@ LEVERS = [
 ]  # fmt: skip
 
 FORCES = [
-    Answer("van der Waals force of a sphere, H = 0.2 aJ, R = 10 nm, 2 nm away, in nN", "closed form", "-0.0833333333333",
+    Answer("van der Waals force of a sphere, H = 0.2 aJ, R = 10 nm, 2 nm away, in nN", "closed form",
+           "-0.0833333333333",
            lambda: force(afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3), 2.0, R=10.0), "-1/12"),
     Answer("Hertz's contact, E* = 2 GPa, R = 20 nm, 0.4 nm deep, in nN", "closed form", "3.0169889331",
            lambda: force(afm.Hertz(E_GPa=2.0), -0.4), "8/3*sqrt(20)*0.4**(3/2)"),
@@ -116,7 +143,8 @@ FORCES = [
     Answer("viscous contact, 10 Pa s, amplitude 20 nm, 1 nm deep, 70 kHz: loss in aJ", "quadrature",
            "0.097091042",
            lambda: loss(afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0), 19.0, 20.0) * AJ),
-    Answer("dashpot of 2 uN s/m in contact, amplitude 10 nm, 1 nm deep, 300 kHz: loss in eV", "closed form", "138.18167638",
+    Answer("dashpot of 2 uN s/m in contact, amplitude 10 nm, 1 nm deep, 300 kHz: loss in eV", "closed form",
+           "138.18167638",
            lambda: loss(afm.Hertz(E_GPa=1.0) + afm.Dashpot(c_uNs_m=2.0), 9.0, 10.0, 300.0),
            "2*100*2*pi*300/10**3*(acos(0.9) - 0.9*sqrt(0.19))/0.1602176634"),
     Answer("standard linear solid always in contact, 70 kHz: loss in eV", "closed form", "34.08459445",

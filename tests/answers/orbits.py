@@ -117,6 +117,17 @@ def linear():
     return saltus.solve_orbit(system, x0=[1.0, 0.0])
 
 
+def pendulum():
+    system = saltus.HybridSystem.smooth({"x": "v", "v": "-sin(x)"}, name="pendulum")
+    return saltus.solve_orbit(system, x0=[1.8, 0.0], period=8.0, fix={"max_x": 2.0}).period
+
+
+def resonance():
+    start = saltus.solve_orbit(linear().system, x0=[1.1, 0.0], fix={"max_x": 4.3}, free="w")
+    (top,) = saltus.continue_orbit(start, "max_x", (4.2, 12.0)).special_points
+    return top.value("max_x"), top.parameters["w"]
+
+
 @cache
 def duffing():
     return saltus.find_orbit(systems.duffing(), {"w": 1.2}, [1.1, 0.0])
@@ -168,6 +179,8 @@ ORBITS = [
            lambda: (least(van_der_pol()), van_der_pol().max["x"])),
     Answer("focus that passes a switching line, m = 1: period and multiplier", TWO_SLOPES,
            "(6.355799581, 0.625775114)", lambda: (two_slopes().period, least(two_slopes()))),
+    Answer("pendulum without friction, amplitude 2: period", "closed form", "8.3497529269", pendulum,
+           "4*elliptic_k(sin(1)**2)"),
     Answer("wall that is a standard linear solid, w = 1.2: times in contact and in flight", WALL,
            "(0.7577372023, 4.4782505537)",
            lambda: (lasting(soft_wall(), "contact"), lasting(soft_wall(), "free"))),
@@ -201,8 +214,10 @@ SENSITIVITIES = [
            "1/sqrt((1 - 1.21)**2 + 0.0121)"),
     Answer("the same: its derivatives in A, k, c and w", "closed form",
            "(4.21824541, 15.76212696, -9.08198744, -35.50231454)", slopes_of_linear,
-           "(1 - 1.21)**2*0 + 1/sqrt(0.0562), 0.21*0.0562**(-1.5), -0.121*0.0562**(-1.5), "
+           "1/sqrt(0.0562), 0.21*0.0562**(-1.5), -0.121*0.0562**(-1.5), "
            "-1.1*(0.01 + 0.42)*0.0562**(-1.5)"),
+    Answer("the same: greatest amplitude over the frequency, and where it is", "closed form",
+           "(10.0125234864, 0.99749687)", resonance, "10/sqrt(1 - 0.0025), sqrt(1 - 0.005)"),
     Answer("block on a belt: derivatives of the period in Fs, Fk and v0", "closed form",
            "(4.9019607843, -4.9019607843, -8.1699346405)",
            lambda: tuple(slope(stick_slip(), "period", name) for name in ("Fs", "Fk", "v0")),
