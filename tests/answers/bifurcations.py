@@ -17,7 +17,6 @@ from oracles.textbook import TEXTBOOK
 
 FEIGENBAUM = "Feigenbaum, J. Stat. Phys. 19 (1978) 25, on the cascade; Newton's method in 40 digits"
 BAZYKIN = "Kuznetsov, Elements (2004), sec. 8.5, has the diagram; two root searches in extended precision"
-NORMAL_FORM = "Kuznetsov, Elements (2004), sec. 8; closed form"
 SLIDING_ORBITS = "closed form; SciPy"
 TABLE = "closed form of Gamma = a w^2/g"
 
@@ -256,7 +255,7 @@ OF_EQUILIBRIA = [
            lambda: of_bazykin("BT", 0), campaign=True),
     Answer("the same: cusp", BAZYKIN, "(0.90123269194, 0.00356841936)", lambda: of_bazykin("CP", -1), campaign=True),
     Answer("the same: generalised Hopf point", BAZYKIN, "(0.956623198, 0.000950448)", generalised_hopf, campaign=True),
-    Answer("Bautin normal form, b2 = 0.3: saddle-node of cycles", NORMAL_FORM, "-0.0225000000", bautin_cycle_fold,
+    Answer("Bautin normal form, b2 = 0.3: saddle-node of cycles", "closed form", "-0.0225000000", bautin_cycle_fold,
            "-0.3**2/4", campaign=True),
     Answer("planar Filippov system, mu = 1.2: saddle-node of pseudo-equilibria in c", SLIDING_ORBITS, "-2.2318132820",
            pseudo_fold),
