@@ -581,11 +581,6 @@ def test_labels_of_figure_7b_are_the_paper_s(afm2):
     assert {omega: sweep.at(omega).label for omega in PAPER} == PAPER
 
 
-def test_labels_of_figures_7c_to_7e_are_the_paper_s_from_rest(afm2):
-    sweep = run_sweep(afm2, "Omega", list(PAPER), options=SweepOptions(discard=600, keep=100, follow="restart"))
-    assert dict(zip(PAPER, sweep.labels[0].tolist(), strict=True)) == PAPER
-
-
 def firing_rotation(current: float, amplitude: float, count: int = 4000) -> float:
     """Spikes per period of V' = I - V + A cos(2 pi t) with the reset V = 1 to 0, by its closed form between spikes."""
     w = 2.0 * math.pi

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import qmc
 
 import saltus
-from discrete import HENON, LOGISTIC, TENT
+from discrete import HENON, LOGISTIC, NEWTON, TENT
 from saltus import InputError, Map, Piece, find_attractors, map_basins
 from saltus.basins.attractors.found import AttractorOptions
 from saltus.basins.map.labelling import Labelling
@@ -22,17 +22,6 @@ from saltus.options import BasinOptions
 from wells import Interrupt
 
 SQUARE = {"x": (-2.0, 2.0), "y": (-2.0, 2.0)}
-
-# Newton's method for z^3 = 1
-NEWTON = Map(
-    ("x", "y"),
-    {},
-    {
-        "x": "2*x/3 + (x**2 - y**2)/(3*(x**2 + y**2)**2)",
-        "y": "2*y/3 - 2*x*y/(3*(x**2 + y**2)**2)",
-    },
-    name="Newton's method for a cube root",
-)
 
 # continuous, with slope 2 between -1 and 1 and fixed points at -3, 0 and 3
 BISTABLE = Map(

@@ -81,24 +81,6 @@ def test_doubling_of_henons_two_cycle(b):
     assert_points(branch, {"PD": [(1 - b) ** 2 + (1 + b) ** 2 / 4]}, MAP)
 
 
-def test_logistic_fixed_point_doubles_at_three():
-    branch = continue_orbit(cycle(carried(LOGISTIC, a=2.5), [0.6]), "a", (1.5, 3.9))
-    assert_points(branch, {"PD": [3.0]}, MAP)
-
-
-@pytest.mark.parametrize(
-    ("period", "a", "low", "doubling", "tolerance"),
-    [
-        (2, 3.2, 3.05, 1.0 + math.sqrt(6.0), MAP),
-        (4, 3.5, 3.46, 3.5440903596, 5e-11 + MAP),  # printed to ten digits
-        (8, 3.55, 3.5445, 3.5644072661, 5e-11 + MAP),
-    ],
-)
-def test_logistic_cascade(period, a, low, doubling, tolerance):
-    branch = continue_orbit(cycle(carried(LOGISTIC, a=a), logistic_cycle(a, period)), "a", (low, 3.9))
-    assert_points(branch, {"PD": [doubling]}, tolerance)
-
-
 def test_logistic_three_cycle_folds_at_one_plus_root_eight():
     branch = continue_orbit(cycle(carried(LOGISTIC, a=3.835), logistic_cycle(3.835, 3)), "a", (3.8, 3.9))
     np.testing.assert_allclose(values(branch, "SN"), [1.0 + math.sqrt(8.0)], atol=MAP)
@@ -227,12 +209,6 @@ def test_impact_branch_has_the_points_of_the_table(w, m, grazing, fold, doubling
         np.testing.assert_allclose(got, [value] if value else [], atol=1e-9, rtol=0.0, err_msg=kind)
     touching = [p for p in points if p.type == "GR" and abs(p.orbit.max["x"] - 1.0) < 1e-6]
     assert min(abs(p.parameters["A"] - form.A_grazing) for p in touching) < 1e-9
-
-
-def test_grazing_and_fold_of_the_standard_oscillator():
-    branch = continue_orbit(impact_orbit(1.0, 1, 1.6957329376), "A", (0.05, 1.2))
-    assert values(branch, "GR") == pytest.approx([0.1], abs=1e-10)
-    assert values(branch, "SN") == pytest.approx([0.09997075363], abs=5e-12)
 
 
 def test_past_the_grazing_equations_have_solutions_that_are_no_motion():
