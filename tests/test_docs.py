@@ -12,7 +12,7 @@ from selection import guarding
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-PAGES += [page for folder in ("theory", "afm") for page in sorted((ROOT / "docs" / folder).glob("*.md"))]
+PAGES += [page for folder in ("theory", "afm", "elsewhere") for page in sorted((ROOT / "docs" / folder).glob("*.md"))]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
@@ -40,6 +40,7 @@ LONG |= {
         "theory/integrity",
     )
 }
+LONG |= {name for name in NAMES if name.startswith("docs/elsewhere/")}
 
 
 @pytest.mark.parametrize(

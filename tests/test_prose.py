@@ -28,7 +28,7 @@ from saltus.continuation.core.point_types import POINT_TYPES
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "saltus"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-PAGES += [page for folder in ("theory", "afm") for page in sorted((ROOT / "docs" / folder).glob("*.md"))]
+PAGES += [page for folder in ("theory", "afm", "elsewhere") for page in sorted((ROOT / "docs" / folder).glob("*.md"))]
 
 FILE = re.compile(r"`([\w./-]+\.pyi?)`")
 HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
