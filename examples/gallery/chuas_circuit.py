@@ -1,10 +1,10 @@
 """Chua's circuit: from rest to a double scroll, with fields that are linear in pieces.
 
-x' = alpha (y - g(x)), y' = x - y + z, z' = -beta y, where g has the slope m1 outside of -1 < x < 1 and m0 inside: alpha
-= 9, beta = 100/7, m0 = -1/7 and m1 = 2/7 give the double scroll of Matsumoto, Chua and Komuro (IEEE Trans. Circuits
-Syst. 32 (1985) 797). Known answers: by Routh and Hurwitz the rest outside loses stability where (1 + alpha m1)(alpha m1
-- alpha + beta) = alpha beta m1. There cycles of all sizes exist at once about x = 1.5, up to the one that touches x = 1.
-All fields are linear, so that matrix exponentials give the cycle that doubles its period.
+x' = alpha (y - g(x)), y' = x - y + z, z' = -beta y, where g has the slope m1 outside of -1 < x < 1 and m0 inside:
+alpha = 9, beta = 100/7, m0 = -1/7 and m1 = 2/7 give the double scroll of Matsumoto, Chua and Komuro (IEEE Trans.
+Circuits Syst. 32 (1985) 797). Known answers: by Routh and Hurwitz the rest outside loses stability where (1 + alpha
+m1)(alpha m1 - alpha + beta) = alpha beta m1. There cycles of all sizes exist at once about x = 1.5, up to the one that
+touches x = 1. All fields are linear, so that matrix exponentials give the cycle that doubles its period.
 
 Field: Electronics and control.
 
@@ -52,7 +52,7 @@ assert abs(cycles["GR1"].orbit.max["x"] - 2.0) < 1e-6
 
 
 def exact(part, alpha):
-    """End and derivative of a segment, by the matrix exponential; the field is continuous, so that events add nothing."""
+    """End and derivative of a segment, by the matrix exponential; continuous fields need no more at events."""
     slope, offset = (m0, 0.0) if part.mode == "inner" else (m1, m0 - m1)
     matrix = np.zeros((4, 4))
     matrix[:3] = [[-alpha * slope, alpha, 0.0, -alpha * offset], [1.0, -1.0, 1.0, 0.0], [0.0, -beta, 0.0, 0.0]]

@@ -1,8 +1,8 @@
 """A drill string sticks and slips below the speed of a Hopf point, and beside it up to twice as fast.
 
 The bit turns at the rate v, the table above at Omega, and the string between them is twisted: J v' = k twist - c v -
-T(v), twist' = Omega - v. The rock resists with dry friction that falls with the speed, T = Tc + (Ts - Tc) exp(-v/s),
-a law as in Navarro-Lopez and Cortes (J. Sound Vib. 307 (2007) 152). Known answers: the trace vanishes at Omega = s
+T(v), twist' = Omega - v. The rock resists with dry friction that falls with the speed, T = Tc + (Ts - Tc) exp(-v/s), a
+law as in Navarro-Lopez and Cortes (J. Sound Vib. 307 (2007) 152). Known answers: the trace vanishes at Omega = s
 ln((Ts - Tc)/(c s)); a bit that is held lets go at the twist Ts/k, so that it is held for as long as the table needs;
 and over a cycle the bit turns by as much as the table.
 

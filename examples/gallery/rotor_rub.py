@@ -1,10 +1,10 @@
 """A rotor rubs on its stator: whirl that follows the unbalance, a Hopf point, and bouncing whirl beside both.
 
-A Jeffcott rotor with a shaft of stiffness 1, unbalance e and a stator at r = 1 of stiffness K and dry friction mu, as in
-Jiang and Ulbrich (Nonlinear Dyn. 24 (2001) 269). The shaft's surface slides forwards at the contact. In coordinates
-that turn with the rotor, at the rate W, whirl at the rate of the rotor is an equilibrium. Known answers: its radius solves ((1 - W^2 + K) r - K)^2 + ((2 zeta W + K mu) r -
-K mu)^2 = e^2 W^4, a quadratic whose discriminant vanishes at the fold; contact begins at r = 1 on the free resonance
-curve; Routh and Hurwitz's condition holds at the Hopf point.
+A Jeffcott rotor with a shaft of stiffness 1, unbalance e and a stator at r = 1 of stiffness K and dry friction mu, as
+in Jiang and Ulbrich (Nonlinear Dyn. 24 (2001) 269). The shaft's surface slides forwards at the contact. In coordinates
+that turn with the rotor, at the rate W, whirl at the rate of the rotor is an equilibrium. Known answers: its radius
+solves ((1 - W^2 + K) r - K)^2 + ((2 zeta W + K mu) r - K mu)^2 = e^2 W^4, a quadratic whose discriminant vanishes at
+the fold; contact begins at r = 1 on the free resonance curve; Routh and Hurwitz's condition holds at the Hopf point.
 
 Field: Machines and valves.
 
