@@ -29,12 +29,14 @@ runner = saltus.HybridSystem(
     parameters={"alpha": np.deg2rad(65.0), "k": k, "E": energy},
     modes={
         "stance": saltus.Mode({"x": "u", "y": "v", "u": f"{spring}*x", "v": f"{spring}*y - 1"}),
-        "flight": saltus.Mode({"x": "0", "y": "v", "u": "0", "v": "-1"}),
+        "rise": saltus.Mode({"x": "0", "y": "v", "u": "0", "v": "-1"}),
+        "fall": saltus.Mode({"x": "0", "y": "v", "u": "0", "v": "-1"}),
     },
     transitions=[
-        saltus.Transition("stance", "flight", event="x**2 + y**2 - 1", direction=1, reset={"x": "0"}, name="take-off"),
+        saltus.Transition("stance", "rise", event="x**2 + y**2 - 1", direction=1, reset={"x": "0"}, name="take-off"),
+        saltus.Transition("rise", "fall", event="v", direction=-1, name="top"),
         saltus.Transition(
-            "flight",
+            "fall",
             "stance",
             event="y - sin(alpha)",
             direction=-1,
@@ -45,9 +47,9 @@ runner = saltus.HybridSystem(
     outputs={"energy": "(u**2 + v**2)/2 + y"},
     name="runner",
 )
-orbit = saltus.find_orbit(runner, x0=[0.0, 0.92, np.sqrt(2.0 * (energy - 0.92)), 0.0], mode="flight")
+orbit = saltus.find_orbit(runner, x0=[0.0, 0.92, np.sqrt(2.0 * (energy - 0.92)), 0.0], mode="fall")
 branch = saltus.continue_orbit(orbit, "alpha", bounds=np.deg2rad([60.0, 70.0]).tolist())
-print(branch)
+print(branch, branch["PD1"].normal_form, sep="\n")
 
 
 def stance(height, alpha, event):
@@ -108,12 +110,12 @@ for degrees, pushed, colour in ((65.0, 0.003, "#0072b2"), (66.0, 0.0006, "#d55e0
     alpha = np.deg2rad(degrees)
     height = min(one.max["y"] for one in branch.at(alpha)) + pushed
     start = [0.0, height, np.sqrt(2.0 * (energy - height)), 0.0]
-    motion = saltus.simulate(runner, {"alpha": alpha}, x0=start, mode="flight", t_end=6.0)
+    motion = saltus.simulate(runner, {"alpha": alpha}, x0=start, mode="fall", t_end=6.0)
     t = np.linspace(0.0, 6.0, 3000)
     y, u = motion(t)[:, 1:3].T
     right.plot(np.cumsum(u) * t[1], y, color=colour, label=f"{degrees:g} degrees")
 right.set(xlabel="distance (lengths of the leg)", ylabel="height of the mass", ylim=(0.85, 0.95))
-right.set_title("65: deviations die away; 66: high and low in turn")
+right.set_title("deviations die away, or high and low come in turn")
 right.legend(loc="upper left", ncols=2)
 
 picture = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "results" / "runner.png")
