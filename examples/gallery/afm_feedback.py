@@ -50,7 +50,8 @@ left.set_title("a slower lock-in allows more gain")
 left.legend(loc="lower right")
 for gain, colour in ((6.5, "#d55e00"), (5.0, "#0072b2")):
     (one,) = gains.at(gain)
-    motion = saltus.simulate(loop, {"Ki_1_ms": gain}, x0=one.x0 + [0.0, 0.0, 0.0, 0.0, 1e-3], periods=1200)
+    start = one.x0 + np.array([0.0, 0.0, 0.0, 0.0, 1e-5])
+    motion = saltus.simulate(loop, {"Ki_1_ms": gain}, x0=start, periods=1200, tolerance=1e-12)
     strobes = motion(np.arange(1200) * one.period)[:, 4] - one.x0[4]
     late = strobes[400:]
     pairs = np.column_stack([late[30:-30], late[:-60]])
@@ -58,8 +59,8 @@ for gain, colour in ((6.5, "#d55e00"), (5.0, "#0072b2")):
     expected = np.abs(one.multipliers).max()
     print(f"gain {gain} per ms: a period multiplies the ringing by {grows:.6f}, multiplier {expected:.6f}")
     assert abs(grows - expected) < 1e-5
-    right.plot(np.arange(1200) * one.period / 1000.0, 1000.0 * strobes, color=colour, label=f"gain {gain:g} per ms")
-right.set(xlabel="time in ms", ylabel="deviation of the distance in pm", title="after a push of 1 pm")
+    right.plot(np.arange(1200) * one.period / 1000.0, 1e6 * strobes, color=colour, label=f"gain {gain:g} per ms")
+right.set(xlabel="time in ms", ylabel="deviation of the distance in fm", title="after a push of 10 fm")
 right.legend(loc="upper left")
 
 picture = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "results" / "afm_feedback.png")

@@ -63,11 +63,9 @@ assert np.abs(multipliers + 1.0).min() < 1e-6
 border = doubled["BC1"].parameters["Iref"]
 first = fsolve(lambda s: by_clock(by_clock(s, border), border) - s, [border - E * T / L, 15.0], xtol=1e-13)
 second = by_clock(first, border)
-print(
-    f"border at {border:.9f} A: the switch is closed for {L * (border - min(first[0], second[0])) / (E * T):.9f} periods"
-)
-
-assert abs(L * (border - min(first[0], second[0])) / (E * T) - 1.0) < 1e-8
+closed = L * (border - min(first[0], second[0])) / (E * T)
+print(f"border at {border:.9f} A: the switch is closed for {closed:.9f} periods")
+assert abs(closed - 1.0) < 1e-8
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.4), layout="constrained")
 dots, state = [], np.array([0.4, 12.0])
