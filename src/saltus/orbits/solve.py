@@ -414,18 +414,19 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
     transitions = np.roll(signature.transitions, -first)
     kinds = [EVENT_END]
     for i, block in enumerate(blocks[1:]):
-        laid = _laid_on(problem, int(transitions[i]), int(transitions[i + 1]), np.ascontiguousarray(block[:n]))
+        laid = _laid_on(problem, u, (first + i) % problem.segments, np.ascontiguousarray(block[:n]))
         kinds.append(MEAN_END if laid else EVENT_END)
     chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
     return chosen, blocks.ravel()
 
 
-def _laid_on(problem: OrbitProblem, before: int, own: int, x: NDArray[np.float64]) -> bool:
-    """Return whether a transition lays a motion, which goes on from the full state x, on the surface of another one.
+def _laid_on(problem: OrbitProblem, u: NDArray[np.float64], segment: int, x: NDArray[np.float64]) -> bool:
+    """Return whether a segment's transition lays a motion, which goes on from x, on the surface of its next event.
 
     A motion that leaves a sliding mode is on the surface of its next event, but not since the sliding mode's end says
-    so: that is a condition on the velocity.
+    so: that is a condition on the velocity. Slopes of the transition are those where the segment ends.
     """
+    before, own = (int(problem.signature.transitions[(segment + k) % problem.segments]) for k in (0, 1))
     n, compiled = problem.n, problem.system.compiled
     height, last, moved = np.empty(2 + 2 * n), np.empty(2 + 2 * n), np.empty(n * n)
     compiled.call("event_x", own, 0, x, problem.extended, height)
@@ -433,8 +434,13 @@ def _laid_on(problem: OrbitProblem, before: int, own: int, x: NDArray[np.float64
     size = float(np.linalg.norm(slope))
     if not abs(height[0]) < _ON * float(np.abs(slope).sum()):
         return False
-    compiled.call("event_x", before, 0, x, problem.extended, last)
-    compiled.call("reset_x", before, 0, x, problem.extended, moved)
+    apart = OrbitProblem(problem.system, problem.signature, problem.parameters_at(u), tol=problem.tol)
+    if apart.start(u) is not None:  # no flow that Newton's method could go on from either
+        return False
+    apart.survey(u)
+    arrived = apart.state_on(segment, 1.0)
+    compiled.call("event_x", before, 0, arrived, problem.extended, last)
+    compiled.call("reset_x", before, 0, arrived, problem.extended, moved)
     through = (moved.reshape(n, n).T @ height[2 : 2 + n]) * problem.state_scale
     other = last[2 : 2 + n] * problem.state_scale
     reach = float(np.linalg.norm(through))
