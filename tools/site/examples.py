@@ -112,7 +112,7 @@ def public_names() -> dict[str, list[str]]:
     names = {}
     for module in ("saltus", *(f"saltus.{door}" for door in DOORS)):
         named = [name for name in import_module(module).__all__ if name not in DOORS and not name.startswith("__")]
-        names[module] = sorted(set(named) - {"nearest", "shortened", "shown"}, key=str.lower)
+        names[module] = sorted(set(named) - {"nearest", "shortened", "shown"}, key=lambda name: (name.lower(), name))
     # an error at the front door has its page at `saltus.errors`
     names["saltus"] = [name for name in names["saltus"] if name not in names["saltus.errors"]]
     return names
