@@ -112,7 +112,7 @@ def growth(before: dict[int, float], after: dict[int, float]) -> dict[int, float
     return {number: after[number] - memory for number, memory in before.items() if number in after}
 
 
-@pytest.mark.parametrize(("count", "name"), guarding([(n, name) for n in (12, WHOLE) for name in SYSTEMS], campaign=1))
+@pytest.mark.parametrize(("count", "name"), guarding([(n, name) for n in (12, WHOLE) for name in SYSTEMS], campaign=0))
 def test_random_actions_lose_nothing(window, server, home, name, count):
     address, process = server
     folder = new_folder(home / "saltus" / "explorer")
