@@ -24,17 +24,16 @@ NOTHING_SELECTED = 5
 def main(arguments: list[str]) -> int:
     """Run all, and return the exit status."""
     rooms = {path.name for path in TESTS.iterdir() if path.is_dir() or path.name.startswith("test_")}
-    if unknown := set().union(*ROOMS) - rooms:
+    grouped = set().union(*ROOMS)
+    if unknown := grouped - rooms:
         raise SystemExit(f"tools/run_tests.py: no rooms in tests/: {', '.join(sorted(unknown))}")
     surroundings = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
-    left_out = [
-        [*(f"--ignore=tests/{room}" for room in sorted(rooms - group)), "--ignore-glob=src/*"] for group in ROOMS
-    ]
-    left_out.append([f"--ignore=tests/{room}" for room in sorted(set().union(*ROOMS))])
+    parts = [(rooms - group, ["--ignore-glob=src/*"]) for group in ROOMS]
     statuses = []
-    for ignored in left_out:
+    for left_out, more in [*parts, (grouped, [])]:
+        ignored = [f"--ignore=tests/{room}" for room in sorted(left_out)]
         try:
-            command = [sys.executable, "-m", "pytest", *ignored, *arguments]
+            command = [sys.executable, "-m", "pytest", *ignored, *more, *arguments]
             statuses.append(subprocess.call(command, cwd=TESTS.parent, env=surroundings))
         except KeyboardInterrupt:
             return 130

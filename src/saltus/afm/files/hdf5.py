@@ -103,12 +103,11 @@ def read_hdf5(path: Path) -> FileContents:
 
 
 def _read(path: Path) -> FileContents:
-    check_installed("h5py")
-    import h5py
-
     places: dict[str, list[tuple[tuple[int, ...], str, int]]] = {}
     units: dict[str, str | None] = {}
     with opened(path) as file:
+        import h5py
+
         constants = _attributes(file)
         groups: list[Any] = []
 

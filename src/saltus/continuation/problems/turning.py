@@ -1,4 +1,4 @@
-"""Pairs of multipliers that turn past 1 and -1: what they leave of products of multipliers' distances.
+"""Pairs of multipliers that turn past 1 and -1: whether they may have parted there, and products without them.
 
 Multipliers of modes that ring between touches turn with the period. Each time that such a pair passes the real axis,
 the products that vanish at 1 or at -1 dip. docs/theory/continuation.md, "Special points", explains the test.
@@ -55,10 +55,7 @@ def followed_pairs(before: Sequence[Pair], values: Sequence[complex], step: floa
     above = [value for value in values if value.imag > _COMPLEX * abs(value)]
     ways = []
     for i, pair in enumerate(before):
-        turned = 0.0
-        if math.isfinite(pair.rate):
-            turned = (pair.rate + 0.5 * pair.bend * (pair.step + step)) * step
-        expected = pair.angle + turned
+        expected = _foretold(pair, step)
         place = cmath.rect(abs(pair.value), expected)
         for j, value in enumerate(above):
             side = value if abs(value - place) <= abs(value.conjugate() - place) else value.conjugate()
@@ -71,12 +68,12 @@ def followed_pairs(before: Sequence[Pair], values: Sequence[complex], step: floa
             continue
         taken.add(i)
         pair = before[i]
-        known = math.isfinite(pair.rate)
-        near, turned = _off_axis(pair.angle), abs(angle - pair.angle)
+        known, turned = math.isfinite(pair.rate), abs(angle - pair.angle)
         if known:
             steady = _turns_on(pair, above[j], angle, abs(off))
         else:
-            steady, turned = turned < _LITTLE * min(near, _off_axis(angle)), max(turned, near + _off_axis(angle))
+            ends = _off_axis(pair.angle), _off_axis(angle)
+            steady, turned = turned < _LITTLE * min(ends), max(turned, sum(ends))
         rate, bend = (angle - pair.angle) / step if steady and step > 0.0 else math.nan, 0.0
         if steady and known:
             bend = 2.0 * (rate - pair.rate) / (step + pair.step)
@@ -87,6 +84,13 @@ def followed_pairs(before: Sequence[Pair], values: Sequence[complex], step: floa
             name += 1
             found[j] = Pair(name, value, cmath.phase(value), math.nan, 0.0, step, 0.0, False)
     return tuple(sorted(found.values()))
+
+
+def _foretold(pair: Pair, step: float) -> float:
+    """Return the angle to which a pair turns in a step by its rate and the change of this; its own if not known."""
+    if not math.isfinite(pair.rate):
+        return pair.angle
+    return pair.angle + (pair.rate + 0.5 * pair.bend * (pair.step + step)) * step
 
 
 def _off_axis(angle: float) -> float:
