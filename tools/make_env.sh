@@ -117,7 +117,8 @@ for kind in run test docs; do
     recipe "$file" | cmp -s - ".venv/.recipe-$kind" || rm -f ".venv/.recipe-$kind"
 done
 echo "make_env: installing $lock"
-run_pip install -qq --require-hashes -r "$lock"
+# Python compiles what is imported; to compile all packages takes a minute
+run_pip install -qq --no-compile --require-hashes -r "$lock"
 run_pip install -qq --no-deps --no-build-isolation --editable .
 recipe requirements.lock >.venv/.recipe-run # the other locks hold all of it
 [ "$1" = run ] || recipe "$lock" >".venv/.recipe-$1"
