@@ -10,7 +10,7 @@ from saltus import afm
 from saltus.afm.bimodal.averages import FINE, STANDARD
 from saltus.afm.bimodal.balance import Balance
 from saltus.errors import InputError
-from tests.selection import guarding
+from selection import guarding
 
 PROBE = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=(70.0, 440.0), Q=(150.0, 450.0), R_nm=10.0)
 NECK = {"gamma_N_m": 0.02, "h_nm": 0.5, "on_nm": 0.6, "off_nm": 1.5}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,7 +92,8 @@ def _steps(made: Product) -> tuple[_Step, ...]:
     """Return the crossings on the way in; raise `InputError` where the way out has others than theirs."""
     ends = {(one.source, one.target, one.direction): one.level for one in made.crossings}
     inwards = {one.source: one for one in made.crossings if one.direction < 0}
-    region, found, used = next(iter(made.regions)), [], 0
+    region, used = next(iter(made.regions)), 0
+    found: list[_Step] = []
     while region in inwards and len(found) < len(made.regions):
         inner, begin = inwards[region].target, inwards[region].level
         if end := ends.get((inner, region, 1)):
