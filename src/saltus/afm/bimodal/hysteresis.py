@@ -2,9 +2,9 @@
 
 Between both gaps the force depends on which of them the tip came from, and so on the order of the motion in time. The
 phases are ``phi`` of the larger amplitude and ``psi = beta + r phi``, r being the ratio of the rates. A turn of phi is
-followed for each beta, from where the tip is farthest: an excursion begins where it rises through the gap at which the
-layer begins, and ends where it falls through it again, or rises through the other one. The mean over beta and phi is
-that over both phases.
+followed for each beta, from where the tip is farthest. An excursion begins where the tip rises through the gap at which
+the layer begins. It ends where the tip falls through it again, or rises through the other one. The mean over beta and
+phi is that over both phases.
 
 Excursions come and go at some beta, where the gap turns at one of both levels. With ``x = cos(phi)`` these are roots of
 ``((L - c - A1 x)/A2)**2 + (A1/(A2 r))**2 (1 - x**2) = 1``. Gauss-Legendre nodes between them converge fast, as nodes on
@@ -29,12 +29,14 @@ Floats = NDArray[np.float64]
 
 _BLOCK = 100  # pixels at once
 _PIECE = 6  # nodes between two beta, over those of the second phase of a layer
-_WHOLE = 8  # the same of all beta where excursions neither come nor go
+_WHOLE = 12  # the same of all beta where excursions neither come nor go
 _LEAST = 8  # places in a turn, at least
 _PLACES = 12  # the same in a turn of the faster phase
 _STEPS = 60  # of the search for a crossing, at most
 _EXACT = 4e-16  # relative step at which it ends
-_UP, _DOWN, _END = 0, 1, 2  # crossings of the level at which a layer begins, and of that at which it ends
+_UP = 0  # kind of a crossing: of the level at which a layer begins, upwards
+_DOWN = 1  # the same downwards
+_END = 2  # of the level at which it ends, upwards
 
 
 def remembered(layers: Layers, motion: Motion, omega: Floats, p: Values, nodes: Nodes) -> Floats:
