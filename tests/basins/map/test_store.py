@@ -85,7 +85,7 @@ def test_a_store_and_the_docstring_tell_how_many_labels_were_wrong(stored):
 
 def test_basins_know_the_error_that_was_measured_of_their_store(stored, basins, well, both, small_units, tmp_path):
     assert stored.noted_error == stored.label_error(500, by_events=50) == stored.section(v=0.1).noted_error
-    assert basins.noted_error is None
+    assert basins.noted_error == basins.label_error(100, by_events=0)
     assert map_basins(well, {}, BOX, both, path=tmp_path / "b.zarr", progress=Interrupt(2)).noted_error is None
 
 
