@@ -410,7 +410,8 @@ def test_a_grid_is_mapped_measured_and_cut_in_a_fraction_of_its_size(well, both,
     grid = {"x": (-1.0, 1.0, 10_000), "v": (-1.0, 1.0, 10_000)}
     tracemalloc.start()
     try:
-        found = map_basins(well, {}, grid, both, path=tmp_path / "large.zarr")
+        with pytest.warns(RuntimeWarning, match="0 of 10000 followed again, .* of 50 followed one by one"):
+            found = map_basins(well, {}, grid, both, path=tmp_path / "large.zarr")
         assert found.fractions() == {"right": 0.75, "left": 0.25, "diverged": 0.0, "undecided": 0.0}
         assert np.asarray(found.section(v=0.5).labels).mean() == 0.5
         peak = tracemalloc.get_traced_memory()[1]

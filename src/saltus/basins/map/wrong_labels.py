@@ -44,7 +44,10 @@ class LabelError:
     cells_by_events: int = 0
 
     def __str__(self) -> str:
-        return f"{self.wrong} of {self.cells} followed again, < {self.bound:.2g} at 95 %"
+        by_events = (
+            f"; {self.wrong_by_events} of {self.cells_by_events} followed one by one" if self.wrong_by_events else ""
+        )
+        return f"{self.wrong} of {self.cells} followed again, < {self.bound:.2g} at 95 %{by_events}"
 
     @property
     def large(self) -> bool:
