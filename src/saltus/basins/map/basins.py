@@ -395,7 +395,7 @@ class Basins(Result):
             return NotImplemented
         return super(Basins, replace(self, noted_error=None)).__eq__(replace(other, noted_error=None))
 
-    __hash__ = None  # type: ignore[assignment]  # as of all results
+    __hash__ = None  # as of all results
 
     def __repr__(self) -> str:
         system = self.inputs.get("system", {}).get("name") or "a hybrid system"
