@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import pytest
 
+from oracles.several_modes import harmonics
 from saltus import afm
 from saltus.afm.bimodal.averages import FINE, STANDARD
 from saltus.afm.bimodal.balance import Balance
@@ -24,6 +25,7 @@ LAWS = {
 }
 # whole turns in contact, dips and misses of the faster mode, and the faster mode as the larger one
 MOTIONS = [(9.2, 10.0, 0.5), (10.2, 10.0, 0.5), (9.5, 10.0, 1.5), (9.0, 2.0, 10.0)]
+A_C = (math.pi * 10.0**2 * 0.05 / 8.0) ** (1.0 / 3.0)  # unit of JKR's contact radius, in nm
 MODES = (afm.AM(A0_nm=30.0, setpoint_nm=25.0), afm.FM(A_nm=0.5))
 
 
@@ -38,12 +40,12 @@ def means(law, c, A, A2, nodes=FINE, **changes):
 
 def brute(c, A, A2, turns=400, steps=8000):
     """Means of JKR's force over turns at as many phases of the second mode, by steps in time."""
-    ratio, a_c = 440.0 / 70.0, (math.pi * 10.0**2 * 0.05 / 8.0) ** (1.0 / 3.0)
+    ratio = 440.0 / 70.0
     phi = (np.arange(steps) + 0.5) * 2.0 * math.pi / steps
     psi = ((np.arange(turns) + 0.5) * 2.0 * math.pi / turns)[:, None] + ratio * phi
     D, held = c + A * np.cos(phi) + A2 * np.cos(psi), np.zeros((turns, steps), dtype=bool)
     for i in range(1, steps):
-        held[:, i] = np.where(held[:, i - 1], D[:, i] < 3.0 * a_c**2 / 10.0, D[:, i] < 0.0)
+        held[:, i] = np.where(held[:, i - 1], D[:, i] < 3.0 * A_C**2 / 10.0, D[:, i] < 0.0)
     F = np.zeros_like(D)
     F[held] = JKR.force_nN(D[held], "contact", R_nm=10.0)
     rates = 2e-3 * math.pi * np.array([70.0 * A, 440.0 * A2])
@@ -129,36 +131,16 @@ def test_modulus_and_adhesion_come_back_with_derivatives():
 
 
 @numba.njit
-def simulated(f, Q, A0, Zc, settle, turns):
-    """First harmonics over JKR's contact of 1 GPa and 0.05 N/m: Runge-Kutta steps, Hann's window."""
-    k, dt = np.array([2.0, 80.0]), 1.0 / (120.0 * f[1])
-    total, start = int((settle + turns) / (f[0] * dt)), int(settle / (f[0] * dt))
-    x, y, slopes, sums, w = np.zeros(4), np.zeros(4), np.zeros((4, 4)), np.zeros((2, 2)), 2.0 * math.pi * f
-    R, adhesion, held = 10.0, 0.05, False
-    a_c = (math.pi * R**2 * adhesion / 8.0) ** (1.0 / 3.0)
-    for step in range(total):
-        t = step * dt
-        if step >= start:
-            share = 2.0 * math.sin(math.pi * (step - start) / (total - start)) ** 2
-            sums[:, 0] += share * x[::2] * np.cos(w * t)
-            sums[:, 1] += share * x[::2] * np.sin(w * t)
-        gap = Zc + x[0] + x[2]
-        held = gap < 3.0 * a_c**2 / R if held else gap < 0.0
-        for stage in range(4):
-            ahead = (0.0, 0.5, 0.5, 1.0)[stage] * dt
-            y[:] = x + ahead * slopes[stage - 1]
-            F = 0.0
-            if held:
-                q = max(-3.0, -(Zc + y[0] + y[2]) * R / a_c**2)
-                root = 1.0 + math.sqrt(1.0 + q**3 / 27.0)
-                m = root ** (1.0 / 3.0) - q / (3.0 * root ** (1.0 / 3.0))
-                u = math.sqrt(2.0 * m)
-                one = 0.5 * (u + math.sqrt(max(0.0, 4.0 * math.sqrt(2.0 / m) - 2.0 * m)))
-                F = math.pi * adhesion * R * (one**6 / 6.0 - one**3)
-            slopes[stage, ::2] = y[1::2]
-            slopes[stage, 1::2] = w**2 * (A0 / Q * np.cos(w * (t + ahead)) + F / k - y[::2] - y[1::2] / (w * Q))
-        x += dt / 6.0 * (slopes[0] + 2.0 * slopes[1] + 2.0 * slopes[2] + slopes[3])
-    return 2.0 * sums / (total - start)
+def sticky(gap, _rate, held):
+    """JKR's contact of 1 GPa and 0.05 N/m, a tip of 10 nm."""
+    if not held:
+        return 0.0
+    q = max(-3.0, -gap * 10.0 / A_C**2)
+    root = 1.0 + math.sqrt(1.0 + q**3 / 27.0)
+    m = root ** (1.0 / 3.0) - q / (3.0 * root ** (1.0 / 3.0))
+    u = math.sqrt(2.0 * m)
+    one = 0.5 * (u + math.sqrt(max(0.0, 4.0 * math.sqrt(2.0 / m) - 2.0 * m)))
+    return math.pi * 0.05 * 10.0 * (one**6 / 6.0 - one**3)
 
 
 @pytest.mark.campaign
@@ -167,7 +149,8 @@ def test_a_long_simulation_has_the_amplitudes_and_lags():
     f, Q, A0 = np.array([0.07, 0.43917]), np.array([200.0, 500.0]), np.array([30.0, 0.6])
     probe = afm.Probe(k_N_m=(2.0, 80.0), f0_kHz=tuple(1e3 * f), Q=tuple(Q), R_nm=10.0)
     seen = afm.bimodal(probe, JKR, [afm.AM(A0_nm=one) for one in A0], Zc_nm=24.0)
-    cosine, sine = simulated(f, Q, A0, 24.0, 5.0 * Q[0], 3000.0).T
+    levels = (0.0, 3.0 * A_C**2 / 10.0)
+    cosine, sine = harmonics(np.array(PROBE.k_N_m), f, Q, A0, 24.0, sticky, levels, 120.0, 3000.0).T
     for i, end in enumerate(("", "_2")):
         assert np.hypot(cosine[i], sine[i]) == pytest.approx(seen[f"amplitude_nm{end}"], rel=0.02)
         assert np.degrees(np.arctan2(sine[i], cosine[i])) == pytest.approx(seen[f"lag_deg{end}"], abs=1.0)
