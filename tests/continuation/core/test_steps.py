@@ -285,6 +285,7 @@ def test_motions_without_events_halve_their_period_where_they_doubled_it(system,
     assert any(reason.endswith(": the period halves") for reason in branch.stopped)
 
 
+@pytest.mark.campaign
 def test_a_pitchfork_that_is_no_period_doubling_does_not_end_a_branch():
     orbit = cycle(carried({"x": "x + r*x - x**3"}, r=0.25), [0.5])
     branch = continue_orbit(orbit, "r", (-0.5, 0.5))

@@ -115,6 +115,7 @@ def test_cycles_become_a_thousand_times_as_long_with_a_bounded_residual(
     assert branch.stopped[0].endswith(f"the period grows without bound (T = {branch.period[0]:.6g})")
 
 
+@pytest.mark.campaign
 def test_long_cycles_multiplier_grows_like_the_saddle_quantity(planar: Branch) -> None:
     sigma = planar["HOM1"].homoclinic.saddle_quantity  # type: ignore[union-attr]
     first, second = (int(np.flatnonzero(planar.period > T)[-1]) for T in (30.0, 20.0))
