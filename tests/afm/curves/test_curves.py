@@ -272,6 +272,7 @@ def test_a_place_that_is_no_number_is_told(curve):
         curve.at("10")
 
 
+@pytest.mark.thorough
 @pytest.mark.campaign
 def test_an_adhesive_contact_under_a_neck_ends_at_no_grazing_that_is_rounding():
     """The force of JKR's contact has an infinite slope at pull-off: rounding there is no second touch."""
