@@ -16,7 +16,6 @@ import numpy as np
 from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.returning import may_return
 from saltus.continuation.core.within_step import border_tests, several_critical
 from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
 from saltus.continuation.problems.extents import in_lockstep
@@ -52,7 +51,8 @@ _EQUAL = 1e-6  # relative difference of two values up to which they are equal by
 _UNEXPLAINED = "stability changes without a bifurcation that explains it"
 _CLEAR = 1e-6  # growth of a value, over the largest, from which on its sign is clear at a critical point
 _ROUNDED = 1e-9  # growth up to which it is rounding
-_BACK = "events: a value becomes critical within the step and returns"
+_RESOLVED = 1e-7  # growth from which on its sign is known
+_SEVERAL = "events: values become critical at more than one place within the step"
 
 
 @dataclass(frozen=True)
@@ -342,9 +342,9 @@ class AlgebraicZeroProblem:
             return None if short else before.examined.fault
         old: PointData = before.examined.data
         ends = np.sort(self.growth(old.values)), np.sort(self.growth(data.values))
-        near = bool(may_return(*ends))
+        near = bool(np.any(((ends[0] < 0.0) != (ends[1] < 0.0)) & (np.abs(ends).min(axis=0) > _RESOLVED)))
         if not short and self._several_critical(before, point, data.values):
-            return _BACK
+            return _SEVERAL
         rounded = ((ends[0] > 0.0) != (ends[1] > 0.0)) & (np.maximum(np.abs(ends[0]), np.abs(ends[1])) < _ROUNDED)
         crossed = max(abs(data.unstable - old.unstable) - int(rounded.sum()), 0)
         apart = self._crossed_apart(old.values, data.values) if near or changed else ()
