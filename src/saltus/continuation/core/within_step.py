@@ -25,7 +25,8 @@ _DEEPEST = 10  # most times that a part of a step is halved
 _DOUBT = 2.0  # factor on what a cubic misses in the middle of a part
 _BENT = 0.25  # the same over the change in the part, up to which a function that changes its sign does so once
 _ROUNDED = 1e-9  # function over its size, up to which its sign is rounding
-_ALIKE = 1e-3  # distance of two zeros, in steps, up to which they are one of equal values
+_BISECTIONS = 30  # of the search for a zero
+_ALIKE = 1e-5  # distance of two zeros, in steps, up to which they are one of equal values
 _PAIRED = 1e-12  # imaginary part over the size, from which on a value is one of a complex pair
 
 
@@ -183,9 +184,12 @@ def _zeros_of_part(
     at = 0
     for own in sets:
         count = len(own[0])
-        results = [tests(values) for values in own]
-        now = tests(there[at : at + count])
+        inside = there[at : at + count]
         at += count
+        meets = count == 1 and abs(inside[0].imag) > _PAIRED * abs(inside[0])
+        if (meets or count > 2) and not final:
+            return None
+        results, now = [tests(values) for values in own], tests(inside)
         turning = results[0][2], now[2], results[3][2]
         for kind in range(len(now[0])):
             paired = kind == len(now[0]) - 1 and count == 2
@@ -233,5 +237,14 @@ def _zeros(
         if (a < 0.0) != (b < 0.0):
             if missed > _BENT * abs(b - a) and not final:
                 return None
-            found.append(s + (t - s) * a / (a - b))
+            found.append(_zero(known, s, t))
     return found
+
+
+def _zero(known: tuple[float, float, float, float], low: float, high: float) -> float:
+    """Return the zero of a cubic between two places at which its signs differ."""
+    start = _cubic(*known, low) < 0.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if (_cubic(*known, middle) < 0.0) == start else (low, middle)
+    return 0.5 * (low + high)
