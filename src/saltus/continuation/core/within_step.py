@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -176,9 +177,7 @@ def _zeros_of_part(
             expected += [0.5 * (a + b) for a, b in zip(own[0], own[3], strict=True)]
             continue
         rows = [[sum(v).real] if len(v) == 1 else [sum(v).real, (v[0] * v[1]).real] for v in own]
-        expected += _roots(
-            [(f, (h - g) * scale, k, (m - n) * scale) for f, g, h, k, n, m in zip(*rows, strict=True)]
-        )
+        expected += _roots([(f, (h - g) * scale, k, (m - n) * scale) for f, g, h, k, n, m in zip(*rows, strict=True)])
     there: list[complex] = _matched(np.array(expected), middle).tolist()
     found: list[list[float]] = [[], [], []]
     at = 0
@@ -233,7 +232,7 @@ def _zeros(
     elif any(abs(value) < missed for _, value in row) or any(abs(value) < min(floors) for _, value in inner):
         return None
     found = []
-    for (s, a), (t, b) in zip(row[:-1], row[1:], strict=True):
+    for (s, a), (t, b) in pairwise(row):
         if (a < 0.0) != (b < 0.0):
             if missed > _BENT * abs(b - a) and not final:
                 return None
