@@ -74,7 +74,7 @@ def chain_of_a_map(seed: int) -> tuple[saltus.Map, Known]:
 def chain_of_a_field(seed: int) -> tuple[saltus.HybridSystem, Known]:
     """Return a field with a parameter p, and the points at which eigenvalues of its equilibrium 0 are critical.
 
-    Each block is an oscillator with a stiffness and a damping: BP where the stiffness vanishes, HB where the damping does.
+    Each block is an oscillator: BP where its stiffness vanishes, HB where its damping does.
     """
     rng = np.random.default_rng(seed)
     names, Q, states = _mixed(rng, BLOCKS[seed % len(BLOCKS)])

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from chains import chain_of_a_map, unlike
-from selection import guarding
 
 import saltus
+from chains import chain_of_a_map, unlike
+from selection import guarding
 
 CASES = [(seed, start, h) for seed in range(16) for start in (0.0, 3.0) for h in (0.02, 0.1, 0.3)]
 
