@@ -134,7 +134,7 @@ class Stretch:
         """Return how many of the first points come before a step in which values become critical at several places."""
         lengths = self.numbers[:kept, 4]
         unit = float(np.abs(last.examined.data.values).max(initial=0.0)) or 1.0
-        table = np.vstack([last.examined.data.values, self.values[:kept]]) / unit
+        table = np.asarray(np.vstack([last.examined.data.values, self.values[:kept]]) / unit, dtype=np.complex128)
         lines = np.concatenate([last.line[None], self._points[:kept]])
         for i in np.flatnonzero(_doubtful(table, lengths)).tolist():
             along = partial(cubic, lines[i], lines[i + 1], float(lengths[i]))
