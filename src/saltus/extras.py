@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import SaltusError
@@ -25,6 +26,11 @@ EXTRAS = {
     "pydantic": "cli",
     "rich": "cli",
     "typer": "cli",
+    "bokeh": "app",
+    "panel": "app",
+    "distributed": "cluster",
+    "igor2": "files",
+    "lmfit": "fit",
 }
 
 # What a package serves, to be read before "needs".
@@ -33,26 +39,26 @@ _SERVES = {
     "plot": "a picture",
     "store": "a Zarr store",
     "cli": "the command saltus, or a bar of progress,",
+    "app": "the explorer",
+    "cluster": "a Dask cluster",
+    "files": "an Igor binary wave",
+    "fit": "a result of lmfit",
 }
 
 _SHORT = {"pd": "pandas", "xr": "xarray"}  # customary names of modules
 
 
 def check_installed(*packages: str) -> None:
-    """Import packages, or raise `SaltusError` with the extra that installs the first one missing.
+    """Look for packages without importing them; raise `SaltusError` with the extra that installs the first one missing.
 
     Examples
     --------
     >>> check_installed("xarray", "matplotlib")
     """
     for package in packages:
-        try:
-            importlib.import_module(package)
-        except ModuleNotFoundError as error:
-            if error.name != package:
-                raise
+        if find_spec(package) is None:
             extra = EXTRAS[package]
-            raise SaltusError(f"{_SERVES[extra]} needs {package}: pip install 'saltus[{extra}]'") from None
+            raise SaltusError(f"{_SERVES[extra]} needs {package}: pip install 'saltus[{extra}]'")
 
 
 def __getattr__(name: str) -> Any:
