@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import look
+from saltus.explorer.connection import connect
 from saltus.explorer.figures.defaults import remember_defaults
 from saltus.work import uncollected
 
@@ -89,6 +90,7 @@ def _page_of(office: Office) -> Callable[[], Any]:
             desk = office.desk(asked.get("session"), asked.get("system"))
         except SaltusError as error:
             return pn.pane.HTML(f'<p class="refused">{escape(str(error))}</p><p><a href="?">New session</a></p>')
+        connect(pn.state.curdoc)
         with uncollected(), pn.state.curdoc.models.freeze():
             from saltus.explorer.page import Page
             from saltus.explorer.views.session_view import SessionView
