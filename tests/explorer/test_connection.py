@@ -58,7 +58,7 @@ def test_a_page_that_its_connection_makes_asks_no_other_site(tmp_path):
     with served(tmp_path, "tapping-mode-1") as (address, _):
         session = pull_session(url=address, arguments={"token": TOKEN})  # no page was asked before
         try:
-            made = session.document.to_json_string()
+            made = str(session.document.to_json())
         finally:
             session.close()
     assert "static/extensions/panel/" in made
