@@ -63,4 +63,3 @@ def test_a_page_that_its_connection_makes_asks_no_other_site(tmp_path):
             session.close()
     assert "static/extensions/panel/" in made
     assert "cdn.holoviz" not in made
-    assert "lost()" in made
