@@ -31,6 +31,7 @@ LONG |= {
     f"docs/{name}.md"
     for name in (
         "afm",
+        "afm/bimodal_maps",
         "afm/laws",
         "afm/loops",
         "afm/modulus",

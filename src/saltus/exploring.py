@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
+from saltus.extras import check_installed_for_explorer
 from saltus.progress import in_notebook
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def explore(
         ...
     saltus.errors.InputError: system = 'str': must be a HybridSystem or a Map
     """
+    check_installed_for_explorer()  # before imports that need what may be missing
     from saltus.afm.explorer_models import TAPPING
     from saltus.explorer.opening import frame_in_notebook, open_explorer
     from saltus.explorer.subjects import of_system

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["check_installed", "pd", "xr"]
+__all__ = ["check_installed", "check_installed_for_explorer", "pd", "xr"]
 
 # Extra that installs each package, by the package's name where it is imported.
 EXTRAS = {
@@ -45,6 +45,8 @@ _SERVES = {
     "fit": "a result of lmfit",
 }
 
+_OF_EXPLORER = ("panel", "bokeh", "matplotlib", "pydantic", "xarray")  # all brought by the extra app
+
 _SHORT = {"pd": "pandas", "xr": "xarray"}  # customary names of modules
 
 
@@ -56,9 +58,24 @@ def check_installed(*packages: str) -> None:
     >>> check_installed("xarray", "matplotlib")
     """
     for package in packages:
-        if find_spec(package) is None:
-            extra = EXTRAS[package]
-            raise SaltusError(f"{_SERVES[extra]} needs {package}: pip install 'saltus[{extra}]'")
+        _check(package, EXTRAS[package])
+
+
+def check_installed_for_explorer() -> None:
+    """Look for the packages of the explorer without importing them; raise `SaltusError` where one is missing.
+
+    Examples
+    --------
+    >>> check_installed_for_explorer()
+    """
+    for package in _OF_EXPLORER:
+        _check(package, "app")
+
+
+def _check(package: str, extra: str) -> None:
+    """Raise where a package is missing."""
+    if find_spec(package) is None:
+        raise SaltusError(f"{_SERVES[extra]} needs {package}: pip install 'saltus[{extra}]'")
 
 
 def __getattr__(name: str) -> Any:

@@ -226,6 +226,7 @@ def test_any_point_of_a_grazing_locus_starts_a_branch(plane):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_locus_does_not_lose_admissibility_without_saying_where(plane):
     for label, curve in plane.items():
         lost = np.flatnonzero(np.diff(curve.admissible.astype(int)))

@@ -212,6 +212,7 @@ def test_slopes_of_multipliers_through_implicit_steps_are_those_of_the_closed_fo
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_relaxation_oscillation_is_verified_by_another_implicit_method(relaxation) -> None:
     checked = saltus.verify(find_orbit(relaxation, {"mu": 1000.0}, x0=[2.0, 0.0]))
     assert checked.passed, checked

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
-from saltus.extras import check_installed
+from saltus.extras import check_installed_for_explorer
 from saltus.work import leave_with_parent, starting, uncollected, unnoticed
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["frame_in_notebook", "open_explorer"]
 
-_NEEDED = ("panel", "bokeh", "matplotlib", "pydantic", "xarray")  # packages
 _SHORTEST = 12  # characters of a token, at least
 _HEIGHT = 860  # pixels of the page in a notebook
 
@@ -66,7 +65,7 @@ def open_explorer(
     SaltusError
         ``saltus[app]`` is not installed.
     """
-    check_installed(*_NEEDED)
+    check_installed_for_explorer()
     with uncollected():
         from saltus.explorer.office import Office, home_folder
         from saltus.explorer.server import LOOPBACK, Address, serve
@@ -91,7 +90,7 @@ def frame_in_notebook(application: Application, subject: Subject | None, file: P
     SaltusError
         As `open_explorer` does.
     """
-    check_installed(*_NEEDED)
+    check_installed_for_explorer()
     from IPython.display import IFrame
 
     near, far = get_context("spawn").Pipe()
