@@ -37,6 +37,7 @@ def _numbers(version):
     return tuple(map(int, version.split(".")))
 
 
+@pytest.mark.campaign
 def test_nothing_in_the_wheel_imports_what_only_tests_bring():
     texts = {str(path): path.read_bytes() for path in DIST["sources"]() if path.suffix == ".py"}
     assert len(texts) > 600

@@ -257,6 +257,7 @@ def test_motions_that_come_near_no_attractor_do_not_count_as_checked(basins):
     assert found.wrong == 0
 
 
+@pytest.mark.campaign
 def test_long_chaos_before_motions_settle_is_told_and_seen_as_an_error_of_labels(tmp_path):
     """Labels are compared with those of fixed Runge-Kutta steps, which know nothing of trapping regions."""
     wild = HybridSystem(
