@@ -7,7 +7,7 @@ import pytest
 from bokeh.client import pull_session
 
 from saltus.explorer.connection import _Held
-from screen import TOKEN, served
+from screen import TOKEN, apart, served
 
 
 class Kept:
@@ -54,12 +54,16 @@ def test_a_page_that_is_loaded_at_once_is_not_kept(later):
     assert later == []
 
 
+@pytest.mark.campaign
 def test_a_page_that_its_connection_makes_asks_no_other_site(tmp_path):
-    with served(tmp_path, "tapping-mode-1") as (address, _):
+    def page() -> str:
         session = pull_session(url=address, arguments={"token": TOKEN})  # no page was asked before
         try:
-            made = str(session.document.to_json())
+            return str(session.document.to_json())
         finally:
             session.close()
+
+    with served(tmp_path, "tapping-mode-1") as (address, _):
+        made = apart(page)
     assert "static/extensions/panel/" in made
     assert "cdn.holoviz" not in made

@@ -10,7 +10,7 @@ import pytest
 from saltus.errors import InputError
 from saltus.explorer import server
 from saltus.explorer.server import Address, listening
-from screen import TOKEN, asked, served
+from screen import TOKEN, apart, asked, served
 
 
 @pytest.fixture(scope="module")
@@ -73,13 +73,16 @@ def test_a_port_that_is_taken_is_told(taken):
 
 def test_where_the_usual_port_is_taken_another_is_found(taken, monkeypatch):
     monkeypatch.setattr(server, "_PORT", taken)
-    found, address = listening(None, Address())
-    try:
-        assert found.port == address.port != taken
-        assert f"127.0.0.1:{found.port}" in address.names
-    finally:
+
+    def ports() -> tuple[int, Address]:
+        found, address = listening(None, Address())
         found.stop()
         found.io_loop.close()
+        return found.port, address
+
+    port, address = apart(ports)
+    assert port == address.port != taken
+    assert f"127.0.0.1:{port}" in address.names
 
 
 def test_where_another_program_is_faster_the_next_port_is_tried(monkeypatch):
