@@ -10,9 +10,11 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 TOKEN = "a-token-of-tests"
 PATIENCE = 120_000  # milliseconds that a busy machine may need
@@ -98,6 +100,12 @@ def _address(server: subprocess.Popen, log: Path) -> str:
             raise RuntimeError(log.read_text())
         time.sleep(0.05)
     return found[1]
+
+
+def apart(work: Callable[[], Any]) -> Any:
+    """Return what a function returns in a thread of its own: in that of the tests a browser's event loop may run."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(work).result()
 
 
 def closed(window) -> None:

@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
+from saltus.extras import check_installed_for_explorer
 from saltus.progress import in_notebook
 
 if TYPE_CHECKING:
@@ -57,10 +58,9 @@ def explore(
         ...
     saltus.errors.InputError: system = 'str': must be a HybridSystem or a Map
     """
-    from saltus.explorer.opening import check_installed, frame_in_notebook, open_explorer
-
-    check_installed()  # before imports that need what may be missing
+    check_installed_for_explorer()  # before imports that need what may be missing
     from saltus.afm.explorer_models import TAPPING
+    from saltus.explorer.opening import frame_in_notebook, open_explorer
     from saltus.explorer.subjects import of_system
 
     subject = None if system is None else of_system(system)

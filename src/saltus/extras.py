@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import SaltusError
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["check_installed", "pd", "xr"]
+__all__ = ["check_installed", "check_installed_for_explorer", "pd", "xr"]
 
 # Extra that installs each package, by the package's name where it is imported.
 EXTRAS = {
@@ -25,6 +26,11 @@ EXTRAS = {
     "pydantic": "cli",
     "rich": "cli",
     "typer": "cli",
+    "bokeh": "app",
+    "panel": "app",
+    "distributed": "cluster",
+    "igor2": "files",
+    "lmfit": "fit",
 }
 
 # What a package serves, to be read before "needs".
@@ -33,26 +39,43 @@ _SERVES = {
     "plot": "a picture",
     "store": "a Zarr store",
     "cli": "the command saltus, or a bar of progress,",
+    "app": "the explorer",
+    "cluster": "a Dask cluster",
+    "files": "an Igor binary wave",
+    "fit": "a result of lmfit",
 }
+
+_OF_EXPLORER = ("panel", "bokeh", "matplotlib", "pydantic", "xarray")  # all brought by the extra app
 
 _SHORT = {"pd": "pandas", "xr": "xarray"}  # customary names of modules
 
 
 def check_installed(*packages: str) -> None:
-    """Import packages, or raise `SaltusError` with the extra that installs the first one missing.
+    """Look for packages without importing them; raise `SaltusError` with the extra that installs the first one missing.
 
     Examples
     --------
     >>> check_installed("xarray", "matplotlib")
     """
     for package in packages:
-        try:
-            importlib.import_module(package)
-        except ModuleNotFoundError as error:
-            if error.name != package:
-                raise
-            extra = EXTRAS[package]
-            raise SaltusError(f"{_SERVES[extra]} needs {package}: pip install 'saltus[{extra}]'") from None
+        _check(package, EXTRAS[package])
+
+
+def check_installed_for_explorer() -> None:
+    """Look for the packages of the explorer without importing them; raise `SaltusError` where one is missing.
+
+    Examples
+    --------
+    >>> check_installed_for_explorer()
+    """
+    for package in _OF_EXPLORER:
+        _check(package, "app")
+
+
+def _check(package: str, extra: str) -> None:
+    """Raise where a package is missing."""
+    if find_spec(package) is None:
+        raise SaltusError(f"{_SERVES[extra]} needs {package}: pip install 'saltus[{extra}]'")
 
 
 def __getattr__(name: str) -> Any:

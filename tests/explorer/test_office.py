@@ -46,7 +46,7 @@ def test_a_choice_among_models_begins_with_the_first(office, toys):
         office.desk(None, "benhc")
 
 
-def test_a_desk_is_closed_when_its_last_page_is_gone(office, tmp_path):
+def test_a_desk_is_closed_when_its_last_page_is_gone(office):
     desk, first, second = office.desk(None), Listener(), Listener()
     name = desk.session.folder.name
     assert office.desk(name) is desk
@@ -57,6 +57,29 @@ def test_a_desk_is_closed_when_its_last_page_is_gone(office, tmp_path):
     assert office.desk(name) is desk
     desk.leave(second)
     office.attend()
+    assert office.desk(name) is not desk
+
+
+def test_a_page_without_results_that_is_loaded_again_has_its_model_and_values(office, toys, tmp_path):
+    desk, page = office.desk(None, "bench"), Listener()
+    desk.join(page)
+    desk.session.settings.parameters["a"] = 1.25
+    desk.session.keep()
+    name = desk.session.folder.name
+    desk.leave(page)  # a reload
+    office.attend()
+    assert name not in {entry.folder for entry in office.listed()}
+    again = office.desk(name)
+    assert again.session.subject.key == "bench"
+    assert again.session.settings.parameters["a"] == 1.25
+    other = Office(toys, None, tmp_path)
+    again.join(page)
+    again.leave(page)
+    office.attend()
+    other.desk(name)
+    office.close()
+    assert (tmp_path / name).exists()  # the other server has it open
+    other.close()
     assert not (tmp_path / name).exists()
 
 

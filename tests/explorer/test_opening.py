@@ -8,7 +8,6 @@ import pytest
 
 import saltus
 from saltus.errors import InputError, SaltusError
-from saltus.explorer import opening
 from saltus.explorer.opening import open_explorer
 from saltus.progress import in_notebook
 from screen import asked
@@ -28,7 +27,7 @@ def test_a_port_is_a_number_of_one(toys, port):
 
 
 def test_what_is_not_installed_is_named(toys, monkeypatch):
-    monkeypatch.setattr(opening, "find_spec", lambda name: None if name == "panel" else name)
+    monkeypatch.setitem(sys.modules, "panel", None)  # so Python takes it for absent
     with pytest.raises(SaltusError, match=r"the explorer needs panel: pip install 'saltus\[app\]'"):
         open_explorer(toys, None, browser=False)
 

@@ -3,12 +3,14 @@
 import socket
 import subprocess
 import sys
+from errno import EADDRINUSE
 
 import pytest
 
 from saltus.errors import InputError
-from saltus.explorer.server import Address, free_port
-from screen import TOKEN, asked, served
+from saltus.explorer import server
+from saltus.explorer.server import Address, listening
+from screen import TOKEN, apart, asked, served
 
 
 @pytest.fixture(scope="module")
@@ -55,14 +57,60 @@ def test_a_server_has_the_names_of_its_machine():
     assert Address(port=1).token != Address(port=1).token
 
 
-def test_a_port_that_is_taken_is_told_and_another_found():
+@pytest.fixture
+def taken():
+    """Return a port on which another program listens."""
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
-        taken = other.getsockname()[1]
-        with pytest.raises(InputError, match="must be free"):
-            free_port("127.0.0.1", taken)
-    assert free_port("127.0.0.1", None) > 0
+        yield other.getsockname()[1]
+
+
+def test_a_port_that_is_taken_is_told(taken):
+    with pytest.raises(InputError, match="must be free; another program listens there"):
+        listening(None, Address(port=taken))
+
+
+def test_where_the_usual_port_is_taken_another_is_found(taken, monkeypatch):
+    monkeypatch.setattr(server, "_PORT", taken)
+
+    def ports() -> tuple[int, Address]:
+        found, address = listening(None, Address())
+        found.stop()
+        found.io_loop.close()
+        return found.port, address
+
+    port, address = apart(ports)
+    assert port == address.port != taken
+    assert f"127.0.0.1:{port}" in address.names
+
+
+def test_where_another_program_is_faster_the_next_port_is_tried(monkeypatch):
+    asked = []
+
+    def serve(pages, *, port, **options):
+        asked.append(port)
+        if len(asked) < 3:
+            raise OSError(EADDRINUSE, "taken")
+        return "server"
+
+    monkeypatch.setattr("panel.serve", serve)
+    assert listening(None, Address())[1].port == asked[2]
+    asked[:] = []
+    with pytest.raises(InputError, match="another program listens there"):
+        listening(None, Address(port=asked_of_nobody()))
+
+
+def asked_of_nobody() -> int:
+    """Return a port on which nobody listens."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        return other.getsockname()[1]
+
+
+def test_a_host_of_another_machine_is_told():
+    with pytest.raises(InputError, match=r"address = .192\.0\.2\.1:"):
+        listening(None, Address("192.0.2.1"))
 
 
 @pytest.mark.campaign

@@ -1,11 +1,14 @@
 """Pages that come and go in a real browser: reloads while work goes on, two windows on one session."""
 
+import os
+
 import pytest
 
 import saltus
 from saltus.explorer.session import Session, new_folder
+from saltus.explorer.session_lock import SessionLock
 from saltus.explorer.subjects import of_system
-from screen import Screen, browser
+from screen import TOKEN, Screen, browser
 
 pytestmark = [
     pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested"),
@@ -87,6 +90,46 @@ def test_sessions_are_named_found_again_and_deleted(screen):
         screen.page.click(f".delete-{first} button")
     screen.page.wait_for_selector(f".session-{first}", state="detached")
     assert screen.errors == []
+
+
+# keeps the connections of a page, to be cut
+_SOCKETS = """
+  window.sockets = []
+  const Socket = window.WebSocket
+  window.WebSocket = class extends Socket { constructor(...given) { super(...given); window.sockets.push(this) } }
+"""
+
+
+def test_a_page_whose_server_is_gone_says_so_and_comes_back(window, address, screen):
+    page = window.new_page()
+    page.add_init_script(_SOCKETS)
+    other = Screen(page, address, "&" + screen.page.url.partition("?")[2])
+    other.wait("branch1")
+    assert not page.is_visible("#lost")
+    page.route("**/metadata*", lambda route: route.abort())
+    page.evaluate("() => window.sockets.forEach(socket => socket.close())")
+    page.wait_for_selector("#lost", state="visible")
+    assert "does not answer" in page.inner_text("#lost")
+    page.unroute("**/metadata*")
+    page.wait_for_selector("#lost", state="hidden")
+    other.wait("branch1")
+    page.click(".find-orbit")
+    for shown in (screen, other):
+        shown.wait("orbit2")
+
+
+def test_a_session_that_another_server_has_open_says_so(window, address, home):
+    folder = new_folder(home / "saltus" / "explorer")
+    Session(of_system(saltus.HybridSystem.smooth({"x": "-x"})), folder).keep()
+    lock = SessionLock(folder)  # of this process
+    lock.take()
+    page = window.new_page()
+    page.goto(f"{address}?token={TOKEN}&session={folder.name}")
+    page.wait_for_selector(".refused")
+    assert f"process {os.getpid()} has it open" in page.inner_text(".refused")
+    lock.release()
+    page.reload()
+    page.wait_for_selector(".find-orbit")
 
 
 def test_a_session_of_another_model_names_it(window, address, home, empty):

@@ -53,6 +53,7 @@ class Office:
         self.application, self.subject, self.home = application, subject, home
         self._desks: dict[str, Desk] = {}
         self._locks: dict[str, SessionLock] = {}
+        self._empty: dict[str, Path] = {}  # folders of sessions without results whose pages are gone
 
     def desk(self, name: str | None, system: str | None = None) -> Desk:
         """Return the desk of a session, reopened if it exists, else that of a new session.
@@ -96,6 +97,7 @@ class Office:
         self._lock(session.folder)
         desk = Desk(self.application, session)
         self._desks[session.folder.name] = desk
+        self._empty.pop(session.folder.name, None)
         session.keep()
         return desk
 
@@ -196,16 +198,19 @@ class Office:
             removed(folder)
 
     def close(self) -> None:
-        """Close all sessions, on purpose."""
+        """Close all sessions, on purpose; those without results are removed."""
         for desk in [*self._desks.values()]:
             self._close(desk)
+        for folder in self._empty.values():
+            if SessionLock(folder).is_free:
+                removed(folder)
 
     def _close(self, desk: Desk) -> None:
-        """Close a session on purpose: the next start does not offer it."""
-        self._desks.pop(desk.session.folder.name, None)
+        """Close a session on purpose: the next start does not offer it; a page that is loaded again finds it."""
+        folder = desk.session.folder
+        self._desks.pop(folder.name, None)
         desk.close()
-        if desk.session.entries:
-            desk.session.keep(closed=True)
-        else:
-            removed(desk.session.folder)
-        self._unlock(desk.session.folder)
+        desk.session.keep(closed=True)
+        if not desk.session.entries:
+            self._empty[folder.name] = folder
+        self._unlock(folder)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import atexit
 import threading
 from collections.abc import Callable
-from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
+from saltus.extras import check_installed_for_explorer
 from saltus.work import leave_with_parent, starting, uncollected, unnoticed
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from saltus.explorer.application import Application
     from saltus.explorer.subjects import Subject
 
-__all__ = ["check_installed", "frame_in_notebook", "open_explorer"]
+__all__ = ["frame_in_notebook", "open_explorer"]
 
 _SHORTEST = 12  # characters of a token, at least
 _HEIGHT = 860  # pixels of the page in a notebook
@@ -65,33 +65,21 @@ def open_explorer(
     SaltusError
         ``saltus[app]`` is not installed.
     """
-    check_installed()
+    check_installed_for_explorer()
     with uncollected():
         from saltus.explorer.office import Office, home_folder
-        from saltus.explorer.server import LOOPBACK, Address, free_port, serve
+        from saltus.explorer.server import LOOPBACK, Address, serve
 
     if host not in LOOPBACK and not token:
         raise InputError("--host", host, "127.0.0.1, or given with --token", "others could use the page otherwise")
     if token is not None and len(token) < _SHORTEST:
         raise InputError("--token", token, f"of at least {_SHORTEST} characters")
-    number = None if port is None else checks.count("port", port, 1, 65535)
+    number = 0 if port is None else checks.count("port", port, 1, 65535)
     office = Office(application, subject, home_folder())
     session = office.unfinished() if file is None else office.unpacked(file)
     given = {} if token is None else {"token": token}
-    address = Address(host, free_port(host, number), **given)
+    address = Address(host, number, **given)
     serve(office, address, opened=told, session=session, browser=browser)
-
-
-def check_installed() -> None:
-    """Raise `SaltusError` where a package of the extra `app` is missing.
-
-    Examples
-    --------
-    >>> check_installed()
-    """
-    missing = [name for name in ("panel", "bokeh", "matplotlib", "pydantic", "xarray") if find_spec(name) is None]
-    if missing:
-        raise SaltusError(f"the explorer needs {' and '.join(missing)}: pip install 'saltus[app]'")
 
 
 def frame_in_notebook(application: Application, subject: Subject | None, file: Path | None, port: int | None) -> Any:
@@ -102,7 +90,7 @@ def frame_in_notebook(application: Application, subject: Subject | None, file: P
     SaltusError
         As `open_explorer` does.
     """
-    check_installed()
+    check_installed_for_explorer()
     from IPython.display import IFrame
 
     near, far = get_context("spawn").Pipe()

@@ -9,7 +9,8 @@ import socket
 import threading
 import webbrowser
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from errno import EADDRINUSE
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import look
+from saltus.explorer.connection import connect
 from saltus.explorer.figures.defaults import remember_defaults
 from saltus.work import uncollected
 
@@ -25,10 +27,11 @@ if TYPE_CHECKING:
     from saltus.explorer.page import Page
     from saltus.explorer.views.session_view import SessionView
 
-__all__ = ["LOOPBACK", "Address", "free_port", "serve"]
+__all__ = ["LOOPBACK", "Address", "listening", "serve"]
 
 LOOPBACK = ("127.0.0.1", "localhost")  # names of this machine for itself
 _PORT = 8710  # tried first
+_TRIES = 5  # free ports that are tried after it: another program may be faster
 _COOKIE = "saltus_token"
 _PACE = 40  # milliseconds between two looks at what processes say
 
@@ -87,6 +90,7 @@ def _page_of(office: Office) -> Callable[[], Any]:
             desk = office.desk(asked.get("session"), asked.get("system"))
         except SaltusError as error:
             return pn.pane.HTML(f'<p class="refused">{escape(str(error))}</p><p><a href="?">New session</a></p>')
+        connect(pn.state.curdoc)
         with uncollected(), pn.state.curdoc.models.freeze():
             from saltus.explorer.page import Page
             from saltus.explorer.views.session_view import SessionView
@@ -128,26 +132,50 @@ def _guard(address: Address) -> Any:
     return Guard()
 
 
-def free_port(host: str, wanted: int | None) -> int:
-    """Return a port that is free: the wanted one, else the usual one, else any.
+def _looked(host: str, port: int) -> int:
+    """Return a port that is free now, any for 0; raise `OSError` where it is taken."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tried:
+        tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        tried.bind((host, port))
+        return int(tried.getsockname()[1])
+
+
+def listening(office: Office, address: Address) -> tuple[Any, Address]:
+    """Return a server that has its port, and where it listens; where no port is wanted, others are tried.
+
+    Parameters
+    ----------
+    office : Office
+        The sessions.
+    address : Address
+        Where to listen.
 
     Raises
     ------
     InputError
         The wanted port is taken, or the host is no address of this machine.
     """
-    for port in (wanted,) if wanted is not None else (_PORT, 0):
-        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tried:
-            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                tried.bind((host, port))
-            except OSError as error:
-                if wanted is None and port:
-                    continue
-                hint = "another program listens there: leave --port out for any free one" if wanted else ""
-                raise InputError("address", f"{host}:{port}", "free", hint or str(error.strerror)) from None
-            return int(tried.getsockname()[1])
-    raise AssertionError
+    import panel as pn
+
+    for number in (address.port,) if address.port else (_PORT, *[0] * _TRIES):
+        try:
+            found = replace(address, port=_looked(address.host, number))
+            options: Mapping[str, Any] = {
+                "address": found.host,
+                "port": found.port,
+                "websocket_origin": sorted(found.names),
+                "auth_provider": _guard(found),
+                "show": False,
+                "start": False,
+                "location": True,
+                "verbose": False,
+            }
+            return pn.serve({"/": _page_of(office)}, **options), found  # another program may have been faster
+        except OSError as error:
+            why = error
+    hint = "another program listens there: leave --port out for any free one"
+    told = hint if why.errno == EADDRINUSE else str(why.strerror)
+    raise InputError("address", f"{address.host}:{number}", "free", told)
 
 
 def _quieten(loop: Any) -> None:
@@ -185,6 +213,11 @@ def serve(
         The session that the first page shows.
     browser : bool, optional
         Whether a browser is opened.
+
+    Raises
+    ------
+    InputError
+        The wanted port is taken, or the host is no address of this machine.
     """
     with uncollected():
         import panel as pn
@@ -192,18 +225,8 @@ def serve(
 
         pn.extension(console_output="disable", loading_indicator=False)
     remember_defaults()
-    options: Mapping[str, Any] = {
-        "address": address.host,
-        "port": address.port,
-        "websocket_origin": sorted(address.names),
-        "auth_provider": _guard(address),
-        "show": False,
-        "start": False,
-        "location": True,
-        "verbose": False,
-    }
-    server = pn.serve({"/": _page_of(office)}, **options)
-    url = f"http://{address.host}:{address.port}/?token={address.token}" + (f"&session={session}" if session else "")
+    server, at = listening(office, address)
+    url = f"http://{at.host}:{at.port}/?token={at.token}" + (f"&session={session}" if session else "")
     server.start()
     _quieten(server.io_loop)
     PeriodicCallback(office.attend, _PACE).start()

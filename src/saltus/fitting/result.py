@@ -15,6 +15,7 @@ from saltus.contents import checked_texts
 from saltus.continuation import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
 from saltus.errors import InputError
+from saltus.extras import check_installed
 from saltus.fitting.goodness import misfit_of
 from saltus.fitting.instrument import Instrument
 from saltus.fitting.optimum import FOUND
@@ -235,14 +236,13 @@ class Fit(Result):
 
         Raises
         ------
-        InputError
+        SaltusError
             lmfit is not installed.
         """
-        try:
-            from lmfit import Parameters
-            from lmfit.minimizer import MinimizerResult
-        except ImportError as missing:
-            raise InputError("lmfit", None, "installed", "python -m pip install 'saltus[fit]'") from missing
+        check_installed("lmfit")
+        from lmfit import Parameters
+        from lmfit.minimizer import MinimizerResult
+
         parameters, table = Parameters(), self.correlation
         for i, name in enumerate(self.names):
             low, high = self.bounds[:, i]

@@ -237,8 +237,9 @@ def panels_of(ax: Sequence[Axes] | Axes | None, count: int = 2) -> tuple[Axes, .
 
 def check_matplotlib() -> None:
     """Raise where matplotlib cannot be imported: `SaltusError` if absent, `InputError` if MPLBACKEND is unknown."""
+    check_installed("matplotlib")
     try:
-        check_installed("matplotlib")
+        import matplotlib  # noqa: F401 - reads MPLBACKEND
     except ValueError as error:
         named = os.environ.get("MPLBACKEND")
         raise InputError("MPLBACKEND", named, "the name of a backend of matplotlib", "agg is one") from error

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from saltus import InputError, afm
+from saltus import InputError, SaltusError, afm
 from saltus.afm.files.instrument_files import READERS
 from saltus.afm.files.unit_conversion import factor_between
 
@@ -338,7 +338,7 @@ def test_a_thermal_tune_of_the_maker_has_the_constants_of_its_header():
 
 def test_a_missing_package_is_told_with_the_line_that_installs_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "igor2", None)
-    with pytest.raises(InputError, match=r"read where igor2 is installed; pip install 'saltus\[files\]'"):
+    with pytest.raises(SaltusError, match=r"an Igor binary wave needs igor2: pip install 'saltus\[files\]'$"):
         afm.read_curve(written(tmp_path / "curve.ibw", b""), SWEEP)
 
 

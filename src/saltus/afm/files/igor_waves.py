@@ -14,10 +14,10 @@ import numpy as np
 from saltus.afm.files.asylum_notes import calibration_of, entries_of, told_of, ways_of
 from saltus.afm.files.columns import FileColumn, FileContents, in_ways, parsed, whole
 from saltus.errors import InputError
+from saltus.extras import check_installed
 
 __all__ = ["read_wave"]
 
-_INSTALL = "pip install 'saltus[files]'"
 _ONE_DIMENSION = (1, 2, 3)  # versions of Igor's format whose waves have one dimension
 _IGOR_SIZES = {1: (8, "2x i"), 2: (16, "2x 2i"), 3: (20, "2x 3i"), 5: (64, "4x 13i")}
 # by version: bytes of an Igor file's first header, and in it the sizes of what follows
@@ -27,10 +27,9 @@ _IGOR_COUNTS = {1: (42, "i"), 2: (42, "i"), 3: (42, "i"), 5: (12, "i 52x 4i")}
 
 def read_wave(path: Path) -> FileContents:
     """Return the columns of an Igor binary wave: one a column of the wave, and its scaled rows as ``x``."""
-    try:
-        from igor2 import binarywave
-    except ImportError as missing:
-        raise InputError("path", str(path), "read where igor2 is installed", _INSTALL) from missing
+    check_installed("igor2")
+    from igor2 import binarywave
+
     logging.getLogger("igor2").addHandler(logging.NullHandler())  # what it tells of a broken file is in its exception
 
     def read(name: str) -> Any:

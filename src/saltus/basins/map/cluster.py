@@ -17,6 +17,7 @@ from saltus.basins.map.grid import Grid
 from saltus.basins.map.labelling import Labelling
 from saltus.basins.map.store import Store
 from saltus.errors import InputError
+from saltus.extras import check_installed
 from saltus.work import Cluster, handed_out
 
 if TYPE_CHECKING:
@@ -36,17 +37,17 @@ def scheduler(client: Any) -> Iterator[Any]:
     Raises
     ------
     InputError
-        The argument is neither, no scheduler has the address, or Dask is not installed.
+        The argument is neither, or no scheduler has the address.
+    SaltusError
+        Dask is not installed.
     """
     if not isinstance(client, str):
         if not callable(getattr(client, "submit", None)):
             raise InputError("BasinOptions.client", client, "a dask.distributed.Client, or the address of a scheduler")
         yield client
         return
-    try:
-        distributed = import_module("distributed")
-    except ImportError as error:
-        raise InputError("engine", "dask", "used where Dask is installed", "pip install 'saltus[cluster]'") from error
+    check_installed("distributed")
+    distributed = import_module("distributed")
     try:
         if not client.startswith(_WITHOUT_PORT):
             distributed.comm.get_address_host_port(client)  # a client of no address takes a minute to close
