@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import singledispatch
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, singledispatch
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -413,14 +413,26 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
     modes = np.roll(signature.modes, -first)
     transitions = np.roll(signature.transitions, -first)
     kinds = [EVENT_END]
+
+    @cache
+    def followed() -> OrbitProblem | None:
+        """Return the orbit on meshes of its own; None where its flow cannot be followed."""
+        apart = OrbitProblem(problem.system, signature, problem.parameters_at(u), tol=problem.tol)
+        if apart.start(u) is not None:
+            return None
+        apart.survey(u)
+        return apart
+
     for i, block in enumerate(blocks[1:]):
-        laid = _laid_on(problem, u, (first + i) % problem.segments, np.ascontiguousarray(block[:n]))
+        laid = _laid_on(problem, followed, (first + i) % problem.segments, np.ascontiguousarray(block[:n]))
         kinds.append(MEAN_END if laid else EVENT_END)
     chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
     return chosen, blocks.ravel()
 
 
-def _laid_on(problem: OrbitProblem, u: NDArray[np.float64], segment: int, x: NDArray[np.float64]) -> bool:
+def _laid_on(
+    problem: OrbitProblem, followed: Callable[[], OrbitProblem | None], segment: int, x: NDArray[np.float64]
+) -> bool:
     """Return whether a segment's transition lays a motion, which goes on from x, on the surface of its next event.
 
     A motion that leaves a sliding mode is on the surface of its next event, but not since the sliding mode's end says
@@ -434,10 +446,9 @@ def _laid_on(problem: OrbitProblem, u: NDArray[np.float64], segment: int, x: NDA
     size = float(np.linalg.norm(slope))
     if not abs(height[0]) < _ON * float(np.abs(slope).sum()):
         return False
-    apart = OrbitProblem(problem.system, problem.signature, problem.parameters_at(u), tol=problem.tol)
-    if apart.start(u) is not None:  # no flow that Newton's method could go on from either
+    apart = followed()
+    if apart is None:  # no flow that Newton's method could go on from either
         return False
-    apart.survey(u)
     arrived = apart.state_on(segment, 1.0)
     compiled.call("event_x", before, 0, arrived, problem.extended, last)
     compiled.call("reset_x", before, 0, arrived, problem.extended, moved)
