@@ -22,10 +22,10 @@ __all__ = ["Pair", "followed_pairs", "longest_step", "parting", "products"]
 
 _COMPLEX = 1e-12  # least imaginary part of a multiplier of a pair, over its size
 _FAR = 1.5  # angle in a step, in radians, from which on a pair is not followed
-_NEARLY = 0.95  # share of that angle by which the next step may turn a pair
+_NEARLY = 0.7  # share of that angle by which the next step may turn a pair
 _SAFE = 2.0  # factor on the parting that a pair's angles leave room for
 _LITTLE = 0.75  # change of an angle, over its distance from the axis, up to which it has not passed the axis
-_MOST = 0.5 * math.pi**2  # room for a parting that no pair exceeds, whatever its angles are: `_turns_on` with the largest
+_MOST = 0.25 * _SAFE * math.pi**2  # most that a pair's angles leave room to part by, all of them as bad as can be
 _FINE = 0.02  # angle in a step, in radians, up to which a pair that parts and comes back would be another one
 
 
