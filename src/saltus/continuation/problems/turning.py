@@ -136,7 +136,7 @@ def _turns_on(pair: Pair, value: complex, angle: float, off: float) -> bool:
 
 
 def _room(first: complex, last: complex) -> float:
-    """Return by how much the cosine of a pair's angle passes 1 at least where one of its multipliers reaches 1 or -1."""
+    """Return by how much the cosine of a pair's angle passes 1 at least where one of both reaches 1 or -1."""
     away = min(abs(abs(first) - 1.0), abs(abs(last) - 1.0))
     return away * away / (2.0 * max(abs(first), abs(last)))
 
