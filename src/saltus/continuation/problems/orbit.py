@@ -258,8 +258,7 @@ class OrbitZeroProblem:
             return Examined(monitors, None, data, closer=closer)
         if _rests(before, point):
             self._judge_fold(before, monitors, data)
-        self._step = before, point
-        self._crossed = None
+        self._step, self._crossed = (before, point), None
         fault = _fault(point, before, monitors, data, None if self.neutral else way)
         if fault == CROSSINGS and (name := crossing_at_once(before.examined.data.followed, followed)) is not None:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
