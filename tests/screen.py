@@ -129,9 +129,11 @@ class Screen:
         return [line for line in self.said if line.startswith("error")]
 
     def wait(self, result: str) -> str:
-        """Wait for a result in the list and return its line."""
-        self.page.wait_for_selector(f".result-{result} .result")
-        return self.page.inner_text(f".result-{result} .result")
+        """Wait for a result in the list and return its line; a line that is being replaced has no text for a moment."""
+        line = f".result-{result} .result"
+        self.page.wait_for_selector(line)
+        self.eventually(lambda: self.page.inner_text(line))
+        return self.page.inner_text(line)
 
     def until_value(self, selector: str, value: float, within: float) -> None:
         """Wait until a field holds a number."""

@@ -25,19 +25,37 @@ def blocks(page):
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES if blocks(page)]
 LONG = {
     f"docs/{name}.md"
-    for name in ("basins", "branch-switching", "conservative", "families", "fitting", "optimisation", "sweeps")
-}
-LONG |= {
-    f"docs/{name}.md"
     for name in (
         "afm",
+        "afm/bimodal_maps",
+        "afm/calibration",
+        "afm/curves",
+        "afm/force_from_data",
         "afm/laws",
+        "afm/liquids",
         "afm/loops",
         "afm/modulus",
         "afm/probe_and_drive",
         "afm/instrument_to_modulus",
+        "basins",
+        "border_collisions",
+        "branch-switching",
         "changing_dimension",
+        "chatter",
+        "conservative",
+        "equilibrium_to_chaos",
+        "families",
+        "fitting",
+        "impact_fit",
+        "loci",
+        "maps",
+        "optimisation",
+        "simulation",
+        "sliding",
+        "sweeps",
+        "theory/continuation",
         "theory/integrity",
+        "verification",
     )
 }
 LONG |= {name for name in NAMES if name.startswith("docs/elsewhere/")}

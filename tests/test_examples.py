@@ -35,11 +35,14 @@ def test_the_pictures_of_the_laws_are_those_of_the_pages(tmp_path, monkeypatch):
     assert {path.name for path in (tmp_path / "laws").iterdir()} == {path.name for path in folder.iterdir()}
 
 
-LONG = {"05_brute_force", "07_maps", "11_critical_amplitude", "12_tip_radius", "13_laws_of_force"}
+SHORT = {
+    "01_bouncing_ball", "02_impact_oscillator", "03_afm_response", "04_bifurcation_loci", "10_distance_curve",
+    "14_border_collision", "18_thin_sample",
+}  # fmt: skip
 NAMES = [path.stem for path in EXAMPLES]
 
 
-@pytest.mark.parametrize("name", guarding(NAMES, *(name for name in NAMES if name not in LONG)))
+@pytest.mark.parametrize("name", guarding(NAMES, *sorted(SHORT)))
 def test_example_draws_its_picture(name, tmp_path, monkeypatch, capsys):
     path = EXAMPLES[NAMES.index(name)]
     picture = tmp_path / "new" / "picture.png"

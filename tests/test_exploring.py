@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 import saltus
@@ -39,3 +42,10 @@ def test_from_a_notebook_a_frame_is_returned(monkeypatch):
     monkeypatch.setattr("saltus.exploring.in_notebook", lambda: True)
     monkeypatch.setattr(opening, "frame_in_notebook", lambda *arguments: arguments[-1])
     assert saltus.explore(port=7) == 7
+
+
+@pytest.mark.parametrize("missing", ["pydantic", "matplotlib", "panel"])
+def test_a_package_that_is_missing_is_told_with_its_extra(missing):
+    code = f"import sys; sys.modules[{missing!r}] = None; import saltus; saltus.explore(browser=False)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert f"SaltusError: the explorer needs {missing}: pip install 'saltus[app]'" in done.stderr

@@ -13,7 +13,7 @@ from selection import guarding
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="of POSIX")
 
 
-NAMES = guarding(killed.KINDS, "save", campaign=1)
+NAMES = guarding(killed.KINDS, campaign=2)
 
 
 @pytest.mark.parametrize("name", NAMES)

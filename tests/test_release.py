@@ -26,7 +26,6 @@ SECTIONS = [
 
 def test_the_version_is_the_same_in_all_places():
     assert DIST["version"]() == saltus.__version__
-    assert PROJECT["dynamic"] == ["version"]
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == RECIPE["context"]["version"] == saltus.__version__
     changes = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
@@ -38,6 +37,7 @@ def _numbers(version):
     return tuple(map(int, version.split(".")))
 
 
+@pytest.mark.campaign
 def test_nothing_in_the_wheel_imports_what_only_tests_bring():
     texts = {str(path): path.read_bytes() for path in DIST["sources"]() if path.suffix == ".py"}
     assert len(texts) > 600
@@ -85,3 +85,13 @@ def test_the_paper_has_the_sections_and_the_length_that_the_journal_asks_for():
     assert yaml.safe_load(front)["bibliography"] == "paper.bib"
     kept = set(re.findall(r"^@\w+\{(\w+),", (ROOT / "paper/paper.bib").read_text(encoding="utf-8"), re.MULTILINE))
     assert set(re.findall(r"@(\w+)", text)) == kept
+
+
+def test_the_description_of_the_package_leads_to_no_file_of_the_checkout():
+    describe = runpy.run_path(str(ROOT / "tools/description.py"))["description"]
+    text = describe((ROOT / "README.md").read_text(encoding="utf-8"))
+    assert not re.findall(r"\]\((?!https?:)", text)
+    assert "https://doi.org/10.1115/1.4062228" in text
+    assert "## Ten lines" in text
+    assert "Extras add datasets" in text
+    assert PROJECT["dynamic"] == ["readme", "version"]

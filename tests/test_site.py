@@ -17,6 +17,7 @@ matplotlib.use("Agg")
 import examples as gallery
 import pages
 import pytest
+import stage
 from matplotlib import pyplot as plt
 from PIL import Image
 
@@ -49,6 +50,26 @@ def test_links_of_a_page_for_sphinx_lead_where_the_page_s_own_links_lead():
     soft = pages.prepared("afm/soft_samples", pages.DOCS / "afm" / "soft_samples.md", ["afm/cone"], {})
     assert "](../afm.md" in soft
     assert soft.endswith("```{toctree}\n:hidden:\n:titlesonly:\n\ncone\n```\n")
+
+
+def test_a_page_of_the_reference_leads_to_what_uses_the_name(tmp_path, monkeypatch):
+    monkeypatch.setattr(stage, "SOURCE", tmp_path)
+    ball = next(one for one in EXAMPLES if one.name == "01_bouncing_ball")
+    stage.stage_reference(stage.Staging(), {"saltus.find_orbit": [ball]}, gallery.public_names())
+    page = (tmp_path / "api/saltus.find_orbit.rst").read_text(encoding="utf-8")
+    assert ".. autofunction:: find_orbit\n" in page
+    assert "\n   ~results.PeriodicOrbit\n" in page
+    assert "\n- :doc:`/tutorial`\n" in page
+    assert page.endswith(f"- :doc:`{ball.title} </gallery/01_bouncing_ball>`\n")
+    error = (tmp_path / "api/saltus.errors.InputError.rst").read_text(encoding="utf-8")
+    assert ".. autoexception:: InputError\n   :members:" in error
+
+
+def test_the_switcher_offers_the_versions_that_there_are_the_newest_first(tmp_path):
+    for name in ("0.2.0", "0.10.0", "files"):
+        (tmp_path / name).mkdir()
+    entries = json.loads(stage.switcher(tmp_path))
+    assert [(one["version"], one["preferred"]) for one in entries] == [("0.10.0", True), ("0.2.0", False)]
 
 
 @pytest.mark.parametrize("one", EXAMPLES, ids=lambda one: one.name)

@@ -1,6 +1,6 @@
 """Draw the pictures of the gallery anew: python tools/gallery.py [names]; without names those whose script has changed.
 
-A picture remembers the code that it was drawn by; tests/test_gallery.py compares.
+A picture remembers the code that it was drawn by; tests/test_site.py compares.
 """
 
 from __future__ import annotations

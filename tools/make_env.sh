@@ -103,7 +103,12 @@ recipe() {
     cat "$1" pyproject.toml src/saltus/version.py
 }
 
-if venv_fits && recipe "$lock" | cmp -s - ".venv/.recipe-$1"; then
+# The environment holds what purpose $1 asks for.
+made_for() {
+    [ "$(recipe "$(lock_of "$1")")" = "$(cat ".venv/.recipe-$1" 2>/dev/null)" ]
+}
+
+if venv_fits && made_for "$1"; then
     exit 0
 fi
 python=$(find_python)
@@ -113,11 +118,11 @@ fi
 echo "$root" >.venv/.made-at
 # What was installed for another purpose stays good as long as its lock file is the same.
 for kind in run test docs; do
-    file=$(lock_of $kind)
-    recipe "$file" | cmp -s - ".venv/.recipe-$kind" || rm -f ".venv/.recipe-$kind"
+    made_for $kind || rm -f ".venv/.recipe-$kind"
 done
 echo "make_env: installing $lock"
-run_pip install -qq --require-hashes -r "$lock"
+# Python compiles what is imported; to compile all packages takes a minute
+run_pip install -qq --no-compile --require-hashes -r "$lock"
 run_pip install -qq --no-deps --no-build-isolation --editable .
 recipe requirements.lock >.venv/.recipe-run # the other locks hold all of it
 [ "$1" = run ] || recipe "$lock" >".venv/.recipe-$1"

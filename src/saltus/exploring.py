@@ -57,8 +57,10 @@ def explore(
         ...
     saltus.errors.InputError: system = 'str': must be a HybridSystem or a Map
     """
+    from saltus.explorer.opening import check_installed, frame_in_notebook, open_explorer
+
+    check_installed()  # before imports that need what may be missing
     from saltus.afm.explorer_models import TAPPING
-    from saltus.explorer.opening import frame_in_notebook, open_explorer
     from saltus.explorer.subjects import of_system
 
     subject = None if system is None else of_system(system)

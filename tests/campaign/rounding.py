@@ -63,6 +63,7 @@ def run_with(kernel: str) -> dict[str, dict[str, Any]]:
     """Return what a process with another kernel measures."""
     surroundings = {**os.environ, "OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": "1"}
     surroundings["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    surroundings["PYTHONDONTWRITEBYTECODE"] = ""  # without bytecode each process compiles all modules anew
     command = [sys.executable, __file__, "measure"]
     done = subprocess.run(command, env=surroundings, stdout=subprocess.PIPE, text=True, check=True)
     return dict(json.loads(done.stdout))

@@ -11,6 +11,7 @@ import pytest
 from oracles.tapping import Tapping
 from saltus import StepControl, continue_locus, continue_orbit, solve_orbit
 from saltus.afm import table1, tapping_mode
+from selection import guarding
 
 STARTS = {
     1: (1.0, [-0.48489216, 0.8003283], (0.85, 1.3)),
@@ -78,7 +79,7 @@ def independent(orbit, name, where):
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize(("modes", "kind", "pair", "share", "seed"), list(random_cases(24)))
+@pytest.mark.parametrize(("modes", "kind", "pair", "share", "seed"), guarding(random_cases(24), campaign=12))
 def test_points_of_a_locus_are_special_points_of_independent_branches(branches, modes, kind, pair, share, seed):
     rng = np.random.default_rng(seed)
     points = branches[modes].special_points.of_type(kind)
@@ -226,6 +227,7 @@ def test_any_point_of_a_grazing_locus_starts_a_branch(plane):
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_a_locus_does_not_lose_admissibility_without_saying_where(plane):
     for label, curve in plane.items():
         lost = np.flatnonzero(np.diff(curve.admissible.astype(int)))

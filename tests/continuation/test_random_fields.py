@@ -73,6 +73,7 @@ def test_the_unit_of_time_changes_no_special_point(campaign, number, rate):
         assert len(words) == 2
 
 
+@pytest.mark.campaign
 def test_five_eigenvalues_that_vanish_at_once_are_located_as_well_as_one(campaign):
     f, start = one_of(campaign, ("dihedral", "alike"), 7)
     assert max(multiplicity for _, multiplicity, _ in campaign.said(f, start, 0.1)[0]) == 5

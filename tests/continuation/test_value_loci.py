@@ -61,6 +61,7 @@ def test_a_name_that_means_two_quantities_is_refused(oscillations):
         )
 
 
+@pytest.mark.campaign
 def test_a_locus_of_a_quantity_comes_back_from_a_file(oscillations, tmp_path):
     (point,) = oscillations.special_points.of_type("max_x")
     locus = saltus.continue_locus(point, ("w", "A"), {"w": (1.05, 1.6), "A": (0.2, 2.0)})

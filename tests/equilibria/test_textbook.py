@@ -236,7 +236,7 @@ def same_points(name: str, found: EquilibriumBranch, accuracy: float) -> None:
 
 
 @pytest.mark.parametrize("name", some(RESCALED))
-@pytest.mark.parametrize("kind", ["tiny", "mixed", "offset"])
+@pytest.mark.parametrize("kind", guarding(["tiny", "mixed", "offset"], "mixed"))
 def test_special_points_do_not_depend_on_units_and_origin_of_the_states(name: str, kind: str) -> None:
     item, n = TEXTBOOK[name], len(TEXTBOOK[name].states)
     units = (

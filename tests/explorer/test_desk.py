@@ -336,6 +336,7 @@ def test_a_process_that_says_nothing_is_told_after_a_second(desk, taken_steps, m
     assert desk.work == Work()
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL")
 def test_a_killed_process_is_told_within_two_seconds_and_the_next_step_is_done(toys, empty, taken_steps):
     steps, results = taken_steps

@@ -79,6 +79,7 @@ def test_steps_find_what_is_known_in_closed_form(logistic, henon):
     assert henon["branch1"]["PD1"].parameters["a"] == pytest.approx(0.75 * 0.7**2, abs=1e-9)  # b = 0.3
 
 
+@pytest.mark.campaign
 def test_a_session_of_a_map_comes_back_and_its_script_makes_the_same(logistic, tmp_path, monkeypatch):
     import matplotlib
 

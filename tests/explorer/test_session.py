@@ -41,6 +41,7 @@ def test_a_session_comes_back_from_its_folder(session):
     _same(session, Session.reopened(session.folder))
 
 
+@pytest.mark.campaign
 def test_a_session_comes_back_from_one_file(session, tmp_path):
     file = session.packed(tmp_path / "session.nc")
     _same(session, Session.unpacked(file, new_folder(tmp_path)))
@@ -66,6 +67,7 @@ def test_undo_takes_back_the_last_step_and_what_pointed_to_it(session, tmp_path)
     assert copy.undo() is None
 
 
+@pytest.mark.campaign
 def test_notes_never_name_a_result_that_is_not_written(session, tmp_path):
     copy = Session.unpacked(session.packed(tmp_path / "session.nc"), new_folder(tmp_path))
     last = copy.undo()

@@ -129,6 +129,7 @@ def test_noise_gives_values_within_their_errors_and_chi2_of_one(duffing, sweep):
     assert 0.7 < one.chi2_per_datum < 1.35
 
 
+@pytest.mark.campaign
 def test_jumps_in_the_data_are_those_of_the_model_and_are_fitted(found, true_branch):
     folds = sorted(point.value("w") for point in true_branch.special_points.of_type("SN"))
     measured, sigma = (np.sort(found.data[name].to_numpy()) for name in ("special_value", "special_sigma"))

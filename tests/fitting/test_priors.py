@@ -34,6 +34,7 @@ def fitted(branch, priors):
     return fit(data, branch, vary, {"amplitude(x, 1)": SIGMA}, priors=priors)
 
 
+@pytest.mark.campaign
 def test_a_prior_that_agrees_narrows_errors_as_gauss_says(branch):
     found = fitted(branch, {"c": (0.2, 0.001)})
     step = 1e-6

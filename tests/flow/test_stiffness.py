@@ -142,6 +142,7 @@ def test_a_motion_tells_how_many_steps_were_implicit(tmp_path):
     assert load(tmp_path / "fast.nc").implicit_steps == fast.implicit_steps
 
 
+@pytest.mark.campaign
 def test_a_decay_that_no_steps_may_follow_is_told_with_its_rate():
     """y decays at the rate 1e7 beside a slow turn, and its zeros are an invariant plane."""
     system = HybridSystem(

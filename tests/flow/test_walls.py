@@ -145,6 +145,7 @@ def test_a_wall_that_rises_into_a_body_too_slow_for_its_reset_is_told():
         simulate(system, None, [1.0, -0.1, 0.0], t_end=5.0)
 
 
+@pytest.mark.campaign
 def test_a_sweep_tells_a_ball_at_rest_as_chattering(table):
     options = SweepOptions(discard=30, keep=20)
     sweep = run_sweep(table, "a", np.linspace(0.1, 0.9, 9), parameters={"e": 0.1}, x0=[1.0, 0.0], options=options)

@@ -120,6 +120,7 @@ def test_units_do_not_matter(unit):
     assert branch.stopped[0] == "r = 3: the period halves"
 
 
+@pytest.mark.campaign
 def test_the_branch_is_that_of_the_map_with_a_clock():
     clocked = HybridSystem(
         ("x", "s"), {"r": 2.8}, {"carry": Mode({"x": "0", "s": "1"})},

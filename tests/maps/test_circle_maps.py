@@ -84,6 +84,7 @@ def test_edge_of_the_first_tongue_is_a_straight_line():
     assert np.abs(values[:, 0]) == pytest.approx(values[:, 1], abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_between_tongues_the_motion_is_quasi_periodic():
     with pytest.raises(ConvergenceError, match="quasi-periodic"):
         find_orbit(CIRCLE, {"w": 1.0}, x0=[0.3], settle=20_000)

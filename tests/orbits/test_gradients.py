@@ -104,6 +104,7 @@ def test_gradients_of_an_orbit_in_pieces():
         assert mismatches(problem, u, name)[1] < EXACT
 
 
+@pytest.mark.campaign
 def test_gradients_by_implicit_steps():
     relaxation = HybridSystem(("x", "y"), {"mu": 100.0}, {"m": Mode({"x": "y", "y": "mu*(1 - x**2)*y - x"})})
     problem, u = equations(find_orbit(relaxation, x0=[2.0, 0.0]), ("mu",))

@@ -303,6 +303,7 @@ def test_whole_modules_have_the_bits_of_numba(name, kind):
             assert found[0] == found[1], (tree.name, k, m, size)
 
 
+@pytest.mark.campaign
 def test_sums_and_choices_of_any_length_are_compiled():
     terms = "".join(f" + p[{i}]*x[{i}]" for i in range(1, 2000))
     choices = "".join(f"\nelif m == {j}:\n    out[1] = {j}.0" for j in range(1, 500))

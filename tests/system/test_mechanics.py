@@ -8,6 +8,7 @@ import sympy
 
 from saltus import HybridSystem, Mode, SaltusError, Transition, simulate
 from saltus.errors import DefinitionError
+from selection import guarding
 
 CHAIN = {"g": 9.81, "m1": 1.0, "m2": 0.7, "m3": 0.4, "l1": 1.0, "l2": 0.6, "l3": 0.8}
 
@@ -71,7 +72,7 @@ def test_a_chain_of_rods_solves_its_mass_matrix(n):
         assert accelerations(mode, values, x) == pytest.approx(wanted, rel=1e-12, abs=1e-12 * abs(wanted).max())
 
 
-@pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.parametrize("n", guarding([2, 3], 2))
 def test_angles_between_links_move_as_differences_of_angles_from_below(n):
     lagrangian, velocities = chain_lagrangian(n)
     sums = {}

@@ -7,8 +7,6 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-import stage
-
 from saltus import __version__
 
 project = "saltus"
@@ -36,8 +34,7 @@ myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 6
 myst_dmath_double_inline = True
 
-autosummary_generate = True
-autosummary_context = {"related": stage.related()}
+autosummary_generate = False  # `stage` writes the pages
 autodoc_typehints = "none"
 autodoc_preserve_defaults = True
 numpydoc_show_class_members = True

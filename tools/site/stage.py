@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import json
 import os
 import re
-import shutil
 import sys
 from importlib import import_module
 from io import BytesIO
@@ -47,9 +47,9 @@ class Staging:
     def copy(self, name: str, file: Path) -> None:
         self.write(name, file.read_bytes())
 
-    def sweep(self, kept: str) -> None:
+    def sweep(self) -> None:
         for file in SOURCE.rglob("*"):
-            if file.is_file() and file not in self.written and not file.relative_to(SOURCE).as_posix().startswith(kept):
+            if file.is_file() and file not in self.written:
                 file.unlink()
 
 
@@ -101,11 +101,13 @@ def stage_gallery(staging: Staging, public: set[str]) -> dict[str, list[gallery.
 
 
 def mentions(public: set[str]) -> dict[str, list[str]]:
-    """Pages whose Python blocks use each public name."""
+    """Pages whose Python blocks use each public name, in the order of the shelves."""
     found: dict[str, list[str]] = {}
-    for name, file in pages.sources().items():
+    files = pages.sources()
+    for name in (page for below in pages.children().values() for page in below if page in files):
         if not name.startswith("decisions/"):
-            blocks = re.findall(r"^```python\n(.*?)^```$", file.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+            text = files[name].read_text(encoding="utf-8")
+            blocks = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
             for used in sorted({one for block in blocks for one in gallery.names_used(block)} & public):
                 found.setdefault(used, []).append(name)
     return found
@@ -124,24 +126,46 @@ def returned(names: dict[str, list[str]]) -> dict[str, list[str]]:
     return found
 
 
+def kind(value: Any) -> str:
+    """What autodoc calls a public object."""
+    if inspect.isclass(value):
+        return "exception" if issubclass(value, BaseException) else "class"
+    return "function" if inspect.isroutine(value) else "data"
+
+
+def reference_page(module: str, name: str, mine: dict[str, Any]) -> str:
+    """Page of a public name: its docstring, and the names, pages and examples that belong to it."""
+    full = f"{module}.{name}"
+    what = kind(getattr(import_module(module), name))
+    lines = [full, "=" * len(full), "", f".. currentmodule:: {module}", "", f".. auto{what}:: {name}"]
+    if what in ("class", "exception"):
+        lines += ["   :members:", "   :inherited-members: Exception, tuple, BaseException"]
+    if others := [f"   ~{other.removeprefix(f'{module}.')}" for other in mine["also"]]:
+        lines += ["", ".. rubric:: See also", "", ".. autosummary::", "", *others]
+    if mine["pages"]:
+        lines += ["", ".. rubric:: Pages that use it", "", *(f"- :doc:`/{page}`" for page in mine["pages"])]
+    if mine["examples"]:
+        lines += ["", ".. rubric:: Examples in the gallery", ""]
+        lines += [f"- :doc:`{title} </gallery/{one}>`" for one, title in mine["examples"]]
+    return "\n".join([*lines, ""])
+
+
 def stage_reference(staging: Staging, uses: dict[str, list[gallery.Example]], names: dict[str, list[str]]) -> None:
-    """Write the list of functions and classes, and for autosummary's templates what is related to each."""
+    """Write the list of functions and classes, and a page for each."""
     title = "Functions and classes"
     lines = [title, "=" * len(title), ""]
+    belonging = related(uses, names)
     for module, each in names.items():
         lines += [module, "-" * len(module), "", HEADINGS[module], "", f".. currentmodule:: {module}", ""]
         lines += [".. autosummary::", "   :toctree: .", "", *(f"   {name}" for name in each), ""]
+        for name in each:
+            staging.write(f"api/{module}.{name}.rst", reference_page(module, name, belonging[f"{module}.{name}"]))
     staging.write("api/index.rst", "\n".join(lines))
 
 
-def related() -> dict[str, dict[str, Any]]:
+def related(uses: dict[str, list[gallery.Example]], names: dict[str, list[str]]) -> dict[str, dict[str, Any]]:
     """For each public name the pages, the examples and the other names that belong to it."""
-    names = gallery.public_names()
     public = {f"{module}.{name}" for module, each in names.items() for name in each}
-    uses: dict[str, list[gallery.Example]] = {}
-    for one in gallery.examples():
-        for name in gallery.names_used(one.code) & public:
-            uses.setdefault(name, []).append(one)
     on_pages = mentions(public)
     linked = returned(names)
     found = {}
@@ -181,7 +205,18 @@ def stage() -> None:
                 staging.copy(f"files/{path.relative_to(ROOT).as_posix()}", path)
     for picture in sorted((pages.DOCS / "images").rglob("*.*")):
         staging.copy(f"images/{picture.relative_to(pages.DOCS / 'images').as_posix()}", picture)
-    staging.sweep(kept="api/saltus")
+    staging.sweep()
+
+
+def switcher(site: Path) -> str:
+    """The list of versions that each page offers: those whose folders stand in the site, the newest first."""
+    folders = (found.name for found in site.iterdir() if re.fullmatch(r"\d+(\.\d+)*", found.name))
+    versions = sorted(folders, key=lambda name: [*map(int, name.split("."))], reverse=True)
+    entries = [
+        {"name": name, "version": name, "url": f"../{name}/", "preferred": place == 0}
+        for place, name in enumerate(versions)
+    ]
+    return json.dumps(entries, indent=1) + "\n"
 
 
 def main() -> int:
@@ -196,7 +231,7 @@ def main() -> int:
     kept = ["-d", str(ROOT / "build" / "site-trees"), "-c", here]
     strict = ["-b", "html", "-W", "--keep-going", "-q", "-j", workers]
     status = build_main([*strict, *kept, *sys.argv[1:], str(SOURCE), str(target)])
-    shutil.copyfile(Path(here) / "switcher.json", target.parent / "switcher.json")
+    (target.parent / "switcher.json").write_text(switcher(target.parent), encoding="utf-8")
     if not status:
         print(f"built: {(target / 'index.html').relative_to(ROOT)}")
     return int(status)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from saltus.explorer.application import Application
     from saltus.explorer.subjects import Subject
 
-__all__ = ["frame_in_notebook", "open_explorer"]
+__all__ = ["check_installed", "frame_in_notebook", "open_explorer"]
 
 _SHORTEST = 12  # characters of a token, at least
 _HEIGHT = 860  # pixels of the page in a notebook
@@ -65,7 +65,7 @@ def open_explorer(
     SaltusError
         ``saltus[app]`` is not installed.
     """
-    _check_installed()
+    check_installed()
     with uncollected():
         from saltus.explorer.office import Office, home_folder
         from saltus.explorer.server import LOOPBACK, Address, free_port, serve
@@ -82,7 +82,13 @@ def open_explorer(
     serve(office, address, opened=told, session=session, browser=browser)
 
 
-def _check_installed() -> None:
+def check_installed() -> None:
+    """Raise `SaltusError` where a package of the extra `app` is missing.
+
+    Examples
+    --------
+    >>> check_installed()
+    """
     missing = [name for name in ("panel", "bokeh", "matplotlib", "pydantic", "xarray") if find_spec(name) is None]
     if missing:
         raise SaltusError(f"the explorer needs {' and '.join(missing)}: pip install 'saltus[app]'")
@@ -96,7 +102,7 @@ def frame_in_notebook(application: Application, subject: Subject | None, file: P
     SaltusError
         As `open_explorer` does.
     """
-    _check_installed()
+    check_installed()
     from IPython.display import IFrame
 
     near, far = get_context("spawn").Pipe()

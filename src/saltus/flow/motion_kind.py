@@ -284,14 +284,13 @@ def rotation_number(points: ArrayLike, criteria: Criteria | None = None, period:
     limits = Criteria() if criteria is None else criteria
     cloud = np.asarray(points, dtype=np.float64)
     first: tuple[float, int] = (math.nan, 0)
-    wanted = list(range(1, limits.longest + 1))
+    wanted = list(range(1, limits.longest + 1)) if cloud.shape[1] > 1 else []
     while wanted:
         curves = wanted.pop(0)
         if period and (period % curves or period // curves <= limits.longest):
             continue  # too few points on each curve to tell one
         distinct = period // curves
-        found = [turns for i in range(curves) if (turns := _turns(cloud[i::curves], limits, distinct)) is not None]
-        if len(found) == curves:
+        if found := _turns_of_each(cloud, curves, limits, distinct):
             rotation = float(np.mean(found))
             parts = rotation * np.arange(1, limits.longest + 1)
             as_good_as = np.flatnonzero(np.abs(parts - np.round(parts)) < _FRACTION)
@@ -304,6 +303,17 @@ def rotation_number(points: ArrayLike, criteria: Criteria | None = None, period:
             counts = {parts_seen * i for i in range(1, curves + 1) if curves % i == 0}
             wanted = sorted(count for count in counts if count != curves and count <= limits.longest)
     return first
+
+
+def _turns_of_each(cloud: NDArray[np.float64], curves: int, limits: Criteria, distinct: int) -> list[float]:
+    """Turns round each of so many curves that are visited in turn; empty where one of them is not closed."""
+    found = []
+    for i in range(curves):
+        turns = _turns(cloud[i::curves], limits, distinct)
+        if turns is None:
+            return []
+        found.append(turns)
+    return found
 
 
 def _turns(points: NDArray[np.float64], limits: Criteria, distinct: int) -> float | None:

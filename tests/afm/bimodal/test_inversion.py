@@ -57,6 +57,7 @@ def test_a_map_comes_back_where_some_readings_are_exact_and_others_have_errors(u
         assert found.chi2.max() < 1e-9
 
 
+@pytest.mark.campaign
 def test_noise_is_covered_by_the_standard_errors():
     sigma = {"amplitude_nm": 0.02, "lag_deg": 0.1, "shift_Hz_2": 2.0, "excitation_nm_2": 0.005}
     seen = afm.bimodal(PROBE, VISCOUS, AM_FM, parameters={"E_GPa": np.full(400, 1.5), "eta_Pa_s": 20.0})

@@ -35,6 +35,7 @@ def test_one_mode_of_two_has_the_exact_distance_curve_but_for_the_bending_of_the
     assert other["amplitude_nm"] == pytest.approx(9.895278868, rel=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.campaign
 def test_the_difference_to_exact_orbits_falls_as_the_quality_factors_rise():
     law, differences = afm.Hertz(E_GPa=1.0), []

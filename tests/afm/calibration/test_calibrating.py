@@ -148,6 +148,7 @@ def test_what_disagrees_is_told():
     assert "more than the errors explain" in repr(found)
 
 
+@pytest.mark.campaign
 def test_bins_that_are_not_of_one_oscillator_are_told():
     f = np.linspace(0.05, 200.0, 4000)
     noise = np.random.default_rng(2).gamma(50, size=f.size) / 50

@@ -33,6 +33,7 @@ def tune(lever):
     return afm.frequency_curve(lever, (298.0, 302.0), Zc_nm=8.5)
 
 
+@pytest.mark.campaign
 def test_jumps_and_grazing_are_those_of_an_independent_code(curve):
     found = {(f.label, round(f.value, 7)) for f in curve.special_points if f.sheet == 0}
     assert found == {("SN1", 11.5028842), ("SN2", 9.8783378), ("GR1", 11.3409137)}
@@ -271,6 +272,7 @@ def test_a_place_that_is_no_number_is_told(curve):
         curve.at("10")
 
 
+@pytest.mark.thorough
 @pytest.mark.campaign
 def test_an_adhesive_contact_under_a_neck_ends_at_no_grazing_that_is_rounding():
     """The force of JKR's contact has an infinite slope at pull-off: rounding there is no second touch."""

@@ -166,7 +166,7 @@ def test_no_critical_amplitude_where_the_turn_is_out_of_range(lever):
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("start", guarding([4.0, RADIUS, 30.0], 4.0))
+@pytest.mark.parametrize("start", guarding([4.0, RADIUS, 30.0], 4.0, campaign=0))
 def test_radius_from_the_critical_amplitude(lever, start):
     assert afm.tip_radius(lever, CRITICAL, parameters={"R_nm": start}) == pytest.approx(RADIUS, abs=1e-5)
 

@@ -519,6 +519,7 @@ def test_two_modes_with_a_drive_each():
         system.resolve({"ratio_2": 6.0})
 
 
+@pytest.mark.campaign
 def test_a_ratio_that_does_not_repeat_is_simulated():
     probe = afm.Probe(k_N_m=(2.0, 78.5), f0_kHz=(70.0, 438.7), Q=(15.0, 45.0), R_nm=10.0)
     second = afm.Drive(A0_nm=1.0, mode=2)

@@ -56,6 +56,7 @@ def test_force_has_the_shape_of_the_gap(shape):
     assert tip_force(np.full(shape, 1e-9), DMTSample(**SAMPLE)).shape == shape
 
 
+@pytest.mark.campaign
 @given(metre=FACTOR, kilogram=FACTOR, second=FACTOR, gap=st.floats(-20.0, 20.0))
 @settings(max_examples=100)
 def test_force_in_other_units_is_the_same_force(metre, kilogram, second, gap):

@@ -46,6 +46,7 @@ def test_every_reading_and_formulas_are_drawn(curve):
         curve.plot(("amplitude_nm", "lag_deg", "virial_eV"), ax=panels[:1])
 
 
+@pytest.mark.campaign
 def test_the_end_of_a_way_within_the_range_is_marked(curve):
     cut = replace(curve, bounds=(2.0, 14.0))
     assert "approach ends here" in words(cut.plot()[0])

@@ -63,6 +63,7 @@ def test_a_wall_adds_mass_as_an_image_does():
         assert ratio - 1.0 == pytest.approx(1.0 / (8.0 * gap**2), rel=0.1)
 
 
+@pytest.mark.campaign
 def test_the_wall_s_load_is_that_of_more_polynomials():
     for reynolds, gap in ((0.01, 0.1), (100.0, 0.5)):
         assert blade_load(reynolds, gap) == pytest.approx(_finer(reynolds, gap), rel=1e-5)

@@ -101,6 +101,7 @@ def test_an_origin_and_a_radius_can_be_unknown():
     assert radius.values["R_nm"] == pytest.approx(12.0, rel=0.01)
 
 
+@pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore:saltus")
 def test_errors_of_a_fit_are_those_of_repeated_noise():
     rng, law = np.random.default_rng(11), afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3)

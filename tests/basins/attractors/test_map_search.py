@@ -146,6 +146,7 @@ def test_cycles_of_the_logistic_map_are_found_with_their_multipliers(r, period):
     assert decay == pytest.approx(float(np.abs(np.prod(r * (1.0 - 2.0 * points)))) ** (1.0 / period), abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_cycle_longer_than_sixteen_is_found():
     # between the doublings at 3.56876 and 3.56969
     found = find_attractors(LOGISTIC, {"r": 3.5692}, {"x": (0.01, 0.99)}, options=AttractorOptions(samples=500))
@@ -200,6 +201,7 @@ def test_basins_of_a_map_in_billionths_are_the_same(henon):
     assert np.mean(one.labels != other.labels) < 1e-4
 
 
+@pytest.mark.campaign
 def test_an_interrupt_waits_until_the_sequence_of_starts_is_made(monkeypatch):
     made = []
 
@@ -250,6 +252,7 @@ def test_measures_take_basins_of_maps(roots):
     assert integrity_factor(basins, name).value > 0.3
 
 
+@pytest.mark.campaign
 def test_threads_do_not_change_labels(henon):
     points = np.random.default_rng(0).uniform(-2, 2, (20_000, 2))
     one, two = (MapEnsemble(HENON, {}, threads=count).settle(points, henon.traps, 200) for count in (1, 2))

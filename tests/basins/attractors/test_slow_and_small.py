@@ -152,6 +152,7 @@ def test_all_motions_that_diverge_leave_no_attractor(free):
     assert found.fractions() == {"diverged": 1.0, "undecided": 0.0}
 
 
+@pytest.mark.campaign
 def test_patience_is_four_times_the_decay_within_its_bounds(resonant):
     found = resonant.attractors
     label, decay = found.labels["period-1 A"], found.decays["period-1 A"]

@@ -82,6 +82,7 @@ def test_random_labels_have_the_entropy_of_three_less_the_bias_of_a_finite_box()
     assert found.fractal
 
 
+@pytest.mark.campaign
 def test_newtons_basins_have_the_entropies_in_print_and_a_fractal_boundary(newton):
     found = basin_entropy(newton[1.0], 5)
     assert round(found.value, 5) == 0.05673

@@ -126,6 +126,7 @@ def test_progress_tells_branch_and_parameter(nagumo):
     assert seen[-1][1].startswith("branch 0, I0 = ")
 
 
+@pytest.mark.campaign
 def test_a_file_holds_all_branches(of_lure, tmp_path):
     of_lure.save(tmp_path / "a.nc")
     again = saltus.load(tmp_path / "a.nc")

@@ -219,6 +219,7 @@ def test_processes_take_what_is_left_where_they_save_time(orbit, family, monkeyp
     assert 2 <= len(traced) < len(GAPS)
 
 
+@pytest.mark.campaign
 @pytest.mark.usefixtures("at_once")
 def test_processes_compute_the_same_family(orbit, mixed):
     told, options = [], BranchOptions(stop_at="GR")

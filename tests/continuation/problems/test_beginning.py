@@ -41,6 +41,7 @@ def test_a_condition_begins_to_hold_where_a_closed_form_says(direction, when, st
     assert [branch.at(F)[0].segments[0].transition for F in (0.3, 0.5)] == ["s", "counted"]
 
 
+@pytest.mark.campaign
 def test_the_border_of_a_condition_has_a_locus():
     branch = saltus.continue_orbit(saltus.find_orbit(counted(1, "v - g"), {}, [0.0, 0.0]), "F", (0.3, 0.5))
     locus = saltus.continue_locus(branch["BC1"], ("F", "d"), {"F": (0.2, 0.6), "d": (0.05, 0.3)})

@@ -7,7 +7,6 @@ import saltus
 from own_states import wall
 from saltus import Mode, Transition
 from saltus.errors import InputError
-from selection import guarding
 from sliding import ADDING, CROSSING, GRAZING, SWITCHING, belt, harvested, limit_of_sticking, planar, relay
 
 WORDS = {"below": "M", "above": "P", "sliding": "S"}
@@ -229,6 +228,7 @@ def test_a_neuron_stops_firing_where_its_equilibrium_meets_the_threshold():
     np.testing.assert_allclose(locus.values[:, 0], locus.values[:, 1], atol=1e-12)
 
 
+@pytest.mark.campaign
 def test_the_equilibrium_on_an_event_of_a_later_mode_is_kept_in_files(tmp_path):
     modes = {"refractory": Mode({"v": "1.2 - v"}), "on": Mode({"v": "I - v"})}
     transitions = [
@@ -262,7 +262,8 @@ def impacting(**options):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("amplitude", guarding([0.4, 0.65], 0.4))
+@pytest.mark.campaign
+@pytest.mark.parametrize("amplitude", [0.4, 0.65])
 def test_a_condition_on_the_speed_changes_no_branch_and_no_locus(amplitude):
     found = []
     for options in ({}, {"when": "3*v"}):
@@ -277,6 +278,7 @@ def test_a_condition_on_the_speed_changes_no_branch_and_no_locus(amplitude):
     assert found[0][1:] == found[1][1:]
 
 
+@pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore:saltus. 'release' lands beyond")
 def test_a_touch_with_a_condition_on_the_speed_is_located():
     branch = saltus.continue_orbit(saltus.find_orbit(wall(), {}, [0.0, 0.0], mode="free"), "w", (0.6, 1.4))

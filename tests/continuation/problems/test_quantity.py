@@ -194,6 +194,7 @@ def test_events_of_observables_are_located_along_either(response, name):
     assert len(places[0]) == 1
 
 
+@pytest.mark.campaign
 def test_an_event_of_any_expression_is_located(response):
     _, plain = response
     point = plain["max(x*v)1"]

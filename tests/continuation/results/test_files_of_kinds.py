@@ -46,6 +46,7 @@ def test_a_kind_that_nobody_defines_is_named(tmp_path):
         load(written(tmp_path / "sighting.nc", dataset))
 
 
+@pytest.mark.campaign
 def test_a_file_of_an_older_version_loads(branch, tmp_path):
     dataset = tagged(branch).assign_attrs(saltus_version="0.0.9")
     assert load(written(tmp_path / "older.nc", dataset)) == branch

@@ -196,6 +196,7 @@ def _zero_hopf() -> EquilibriumBranch:
 
 
 @pytest.mark.campaign
+@pytest.mark.thorough
 def test_saddle_nodes_and_hopf_points_meet_at_a_zero_hopf_point():
     """x = -+ sqrt(-mu) folds at mu = 0; the pair b + x +- 2i crosses at x = -b: mu = -b^2."""
     branch = _zero_hopf()

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from saltus.afm.bimodal.layers import Layers, Values
+from saltus.afm.bimodal.layers import Function, Layers, Values
 
 __all__ = ["FINE", "ROUGH", "STANDARD", "Motion", "Nodes", "averages"]
 
@@ -117,8 +117,8 @@ def _third(layers: Layers, motion: Motion, p: Values, count: int) -> tuple[NDArr
     first, second, third = motion.A
     low = motion.c - motion.A.sum(0)
     cuts = [np.zeros_like(low), np.ones_like(low)]
-    for i in range(len(layers.levels)):
-        below = layers.level(i, p)[0] - low
+    for level in layers.levels:
+        below = layers.place(level, p)[0] - low
         cuts += [(below - lasting) / (2.0 * third) for lasting in (0.0, 2.0 * second, 2.0 * first)]
         cuts.append((below - 2.0 * (first + second)) / (2.0 * third))
     ends = np.sort(np.arcsin(np.sqrt(np.clip(np.array(cuts), 0.0, 1.0))), axis=0)
@@ -145,20 +145,21 @@ class _Sums:
         self.out = np.zeros((len(motion.c), 2, 3, 4 + len(layers.names)))
 
     def total(self) -> Floats:
-        depth = np.full(len(self.low), -1.0)
-        for i in range(len(self.layers.levels)):
-            level, *along = self.layers.level(i, self.p)
-            below = level - self.low
-            self.contact(i, level, below, np.array(along))
-            depth = below if i == 0 else depth
-        if not self.layers.empty[0]:
-            self.above(depth)
+        layers = self.layers
+        if not layers.levels and layers.above[0]:
+            self.above(layers.above[0], np.full(len(self.low), -1.0))
+        for place, above, below in zip(layers.levels, layers.above, layers.below, strict=False):
+            level, *along = layers.place(place, self.p)
+            self.below(below, above, level, np.array(along))
+            if above:
+                self.above(above, level - self.low)
         return self.out.transpose(1, 2, 3, 0)
 
-    def contact(self, i: int, level: Floats, below: Floats, along: Floats) -> None:
-        """Add what layer i + 1 contributes below its level, and what moves with the level."""
+    def below(self, term: Function | None, above: Function | None, level: Floats, along: Floats) -> None:
+        """Add what a term contributes below its level, and what moves with the level where another acts above it."""
+        below = level - self.low
         some = np.flatnonzero(below > 0.0)
-        if not len(some) or (self.layers.empty[i + 1] and (i or self.layers.empty[0])):
+        if not len(some) or not (term or above):
             return
         u2, rate2, h = self.outer(some, below)
         A1 = self.A1[some][:, None]
@@ -168,8 +169,9 @@ class _Sums:
         u1 = s2[..., None] * sin2
         rate1 = 2.0 * np.sqrt(s2)[..., None] * np.cos(alpha) / np.sqrt(1.0 - u1) * weight
         depth = h[..., None] * (1.0 - q[..., None] * sin2)
-        self.add(i + 1, some, level[some][:, None, None] - depth, u1, u2[..., None], rate1 * rate2[..., None])
-        self.edge(i, some, level[some], along[:, some], (s2, u2, rate2, h < 2.0 * A1))
+        if term:
+            self.add(term, some, level[some][:, None, None] - depth, u1, u2[..., None], rate1 * rate2[..., None])
+        self.edge((term, above), some, level[some], along[:, some], (s2, u2, rate2, h < 2.0 * A1))
 
     def outer(self, some: NDArray[np.intp], below: Floats) -> tuple[Floats, Floats, Floats]:
         """Nodes of the second phase where the tip comes below a level: u2, weight, depth reached there."""
@@ -180,8 +182,8 @@ class _Sums:
         rate = 2.0 * np.sqrt(s2) * np.cos(beta) / np.sqrt(1.0 - u2) * weight
         return u2, rate, h2 * (1.0 - np.minimum(1.0, 2.0 * A2 / h2) * sin2)
 
-    def above(self, depth: Floats) -> None:
-        """Add what layer 0 contributes above the first level."""
+    def above(self, term: Function, depth: Floats) -> None:
+        """Add what a term contributes above a level, to which depths reach."""
         t, weight = _gauss(self.nodes.far)
         # nodes are denser near the sample, where the force is greatest
         gamma, weight = np.pi / 2 * (t / (np.pi / 2)) ** 2, weight * 2.0 * t / (np.pi / 2)
@@ -195,7 +197,7 @@ class _Sums:
             rate1 = 2.0 * np.sqrt(rest) * np.sin(gamma) / np.sqrt(u1) * weight
             level = (self.low + depth)[touching][:, None, None]
             D = level + 2.0 * A1 * rest * sin2
-            self.add(0, touching, D, u1, u2[..., None], rate1 * rate2[..., None])
+            self.add(term, touching, D, u1, u2[..., None], rate1 * rate2[..., None])
         apart = np.flatnonzero(depth < 2.0 * self.A2)
         if len(apart):
             A1, A2 = self.A1[apart][:, None, None], self.A2[apart][:, None]
@@ -205,12 +207,12 @@ class _Sums:
             u2 = s2 + (1.0 - s2) * np.sin(beta) ** 2
             rate2 = 2.0 * np.sqrt(1.0 - s2) * np.sin(beta) / np.sqrt(u2) * dense
             D = self.low[apart][:, None, None] + 2.0 * A1 * sin2 + 2.0 * (A2 * u2)[..., None]
-            self.add(0, apart, D, sin2[None, None, :], u2[..., None], 2.0 * weight * rate2[..., None])
+            self.add(term, apart, D, sin2[None, None, :], u2[..., None], 2.0 * weight * rate2[..., None])
 
-    def add(self, i: int, some: NDArray[np.intp], D: Floats, u1: Floats, u2: Floats, weight: Floats) -> None:
-        """Add a layer's sums over nodes, shape (pixel, outer, inner)."""
+    def add(self, term: Function, some: NDArray[np.intp], D: Floats, u1: Floats, u2: Floats, weight: Floats) -> None:
+        """Add a term's sums over nodes, shape (pixel, outer, inner)."""
         n, p = len(some), {name: value[some][:, None, None] for name, value in self.p.items()}
-        values = self.layers.layer(i, D, p)
+        values = self.layers.values(term, D, p)
         moved = [np.ones_like(D), np.broadcast_to(2.0 * u1 - 1.0, D.shape), np.broadcast_to(2.0 * u2 - 1.0, D.shape)]
         for part, shares in enumerate(_shares(u1, u2)):
             if not values[part].any():
@@ -223,15 +225,20 @@ class _Sums:
             right = columns.reshape(len(columns), n, -1).transpose(1, 2, 0)
             self.out[some, part] += left @ right
 
-    def edge(self, i: int, some: NDArray[np.intp], level: Floats, along: Floats, crossing: tuple[Any, ...]) -> None:
+    def edge(
+        self,
+        terms: tuple[Function | None, Function | None],
+        some: NDArray[np.intp],
+        level: Floats,
+        along: Floats,
+        crossing: tuple[Any, ...],
+    ) -> None:
         """Add what a jump of the force at a level contributes to the derivatives, as the level moves."""
         s2, u2, rate2, passes = crossing
         n, p = len(some), {name: value[some] for name, value in self.p.items()}
-        jump = self.layers.layer(i + 1, level, p)[:, 0]
-        if i == 0:
-            jump = jump - self.layers.layer(0, level, p)[:, 0]
-        scale = np.abs(self.layers.layer(0, level, p)[:, 0]) + np.abs(jump)
-        jump = np.where(np.abs(jump) > 1e-12 * scale, jump, 0.0)
+        below, above = (self.layers.values(one, level, p)[:, 0] if one else np.zeros((2, n)) for one in terms)
+        jump = below - above
+        jump = np.where(np.abs(jump) > 1e-12 * (np.abs(below) + np.abs(above)), jump, 0.0)
         if not jump.any():
             return
         with np.errstate(divide="ignore", invalid="ignore"):

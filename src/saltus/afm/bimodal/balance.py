@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from saltus.afm.bimodal.averages import STANDARD, Motion, Nodes, averages
+from saltus.afm.bimodal.hysteresis import remembered
 from saltus.afm.bimodal.layers import Layers, layers_of
 from saltus.afm.laws.law import Law
 from saltus.afm.probe.probe import Probe
 from saltus.afm.probe.units import ENERGY_EV
+from saltus.errors import InputError
 
 __all__ = ["ENDS", "OF_MODES", "Balance", "mode_of"]
 
@@ -35,7 +37,7 @@ class Balance:
     With amplitude A, lag and frequency ``f = f0 r`` of a mode, and the drive ``k A0/Q``, its first harmonic demands
 
     - ``A0 cos(lag) = Q A (1 - r**2) - 2 Q/k <F cos(phi)>``
-    - ``A0 sin(lag) = A r + 2 Q/k omega A <gamma sin(phi)**2>``
+    - ``A0 sin(lag) = A r + 2 Q/k <F sin(phi)>``, where ``<F sin(phi)>`` is ``omega A <gamma sin(phi)**2>`` of a damping
 
     and the mean demands ``c = Zc + <F> sum(1/k)``. All variables stand in one row a name, shape (variable, pixel).
     """
@@ -44,11 +46,17 @@ class Balance:
         self.k, self.f0, self.Q = (np.array(getattr(probe, name)) for name in ("k_N_m", "f0_kHz", "Q"))
         self.weights = np.array(probe.optical_weights)
         self.layers: Layers = layers_of(law, probe.R_nm)
+        if self.layers.memories and probe.modes > 2:
+            hint = "a law without hysteresis takes three; afm.model with three drives takes any law"
+            raise InputError(
+                "probe", probe.modes, "a probe with two modes: the law's contact ends later than it begins", hint
+            )
         self.own = {"R_nm": probe.R_nm, **law.parameters}
         self.ends = ENDS[: probe.modes]
         self.equations = 2 * probe.modes + 1
         self.readings = tuple(name + end for end in self.ends for name in OF_MODES)
         self.amplitudes = [f"amplitude_nm{end}" for end in self.ends]
+        self.shifts = [f"shift_Hz{end}" for end in self.ends]
         self.names = ("mean_gap_nm", "Zc_nm", *self.readings, *self.layers.names)
         self.at = {name: i for i, name in enumerate(self.names)}
 
@@ -66,14 +74,24 @@ class Balance:
         return {name: q[self.at[name]] for name in self.layers.names}
 
     def means(self, q: Floats, nodes: Nodes = STANDARD) -> Floats:
-        """Means of the force; see `averages`."""
+        """Means of the force; see `averages`. Where it depends on the past, they have derivatives along shifts too."""
         motion = Motion(q[self.at["mean_gap_nm"]], q[[self.at[name] for name in self.amplitudes]])
-        return averages(self.layers, motion, self.parameters(q), nodes)
+        parameters = self.parameters(q)
+        if not self.layers.memories:
+            return averages(self.layers, motion, parameters, nodes)
+        # a force that jumps where contact begins needs more nodes than one that bends there
+        found = averages(self.layers, motion, parameters, nodes._replace(outer=2 * nodes.outer))
+        # a shift that is not known yet changes the rates by a thousandth or less
+        shifts = np.nan_to_num(q[[self.at[name] for name in self.shifts]])
+        omega = 2e-3 * math.pi * (self.f0[:, None] + 1e-3 * shifts)
+        whole = remembered(self.layers, motion, omega, parameters, nodes)
+        whole[:, :, : found.shape[2]] += found
+        whole[:, :, found.shape[2] :] *= 2e-6 * math.pi  # from rates in 1/us to shifts in Hz
+        return whole
 
     def unknown_means(self, pixels: int) -> Floats:
         """Means of no pixel's force, NaN."""
-        modes = len(self.ends)
-        return np.full((2, 1 + modes, 2 + modes + len(self.layers.names), pixels), math.nan)
+        return np.full((2, 1 + len(self.ends), 1 + len(self._columns()), pixels), math.nan)
 
     def residuals(self, q: Floats, means: Floats) -> tuple[Floats, Floats]:
         """What the equations lack, and its derivatives along all variables.
@@ -114,7 +132,8 @@ class Balance:
 
     def _columns(self) -> list[int]:
         """The variables along which the means have derivatives."""
-        return [self.at[name] for name in ("mean_gap_nm", *self.amplitudes, *self.layers.names)]
+        names = ("mean_gap_nm", *self.amplitudes, *self.layers.names)
+        return [self.at[name] for name in (*names, *(self.shifts if self.layers.memories else ()))]
 
     def steps(self, residual: Floats, slopes: Floats, unknown: Sequence[str]) -> Floats:
         """Newton's steps of as many unknowns as equations, shape (unknown, pixel); NaN where singular."""
@@ -129,13 +148,13 @@ class Balance:
         """Gap at which the farthest of the law's crossings is, 0 where the law has none."""
         if not self.layers.levels:
             return np.zeros(q.shape[1])
-        return self.layers.level(0, self.parameters(q))[0]
+        return self.layers.place(self.layers.levels[0], self.parameters(q))[0]
 
     def contact(self, q: Floats) -> Floats:
         """Gap at which the nearest of the law's crossings is, 0 where the law has none."""
         if not self.layers.levels:
             return np.zeros(q.shape[1])
-        return self.layers.level(len(self.layers.levels) - 1, self.parameters(q))[0]
+        return self.layers.place(self.layers.levels[-1], self.parameters(q))[0]
 
     def told(self, q: Floats, means: Floats) -> dict[str, Floats]:
         """Further readings: deflection, energies of each mode in a cycle of its own, indentation."""

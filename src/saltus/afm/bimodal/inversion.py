@@ -187,7 +187,7 @@ class _Inversion:
         amplitudes = q[[at[name] for name in self.balance.amplitudes]].sum(0)
         size = float(np.nanmax(amplitudes))
         places = depths(bool(self.balance.layers.levels), size, 4.0 * size)
-        if self.balance.layers.empty[0]:
+        if self.balance.layers.above[0] is None:
             places = places[places > 0.0]
         chi2, states = [], []
         for depth in places:

@@ -54,7 +54,8 @@ def bimodal(
     probe : Probe
         Two or three modes, and the tip's radius.
     law : Law
-        The force: elastic in the gap, with losses in proportion to its rate. Contact ends where it begins.
+        The force: elastic in the gap, with losses in proportion to its rate. With two modes, contact may end at another
+        gap than it begins, as of `JKR` and `Neck`. The turns of one mode then lead beyond both.
     modes : sequence of AM or FM
         How each mode of the probe is operated.
     Zc_nm : array_like, optional
@@ -77,7 +78,7 @@ def bimodal(
     ------
     InputError
         An argument is of another kind, a value is not allowed or, with `check`, not plausible. The distance is set
-        twice or not at all. The law's force depends on the past.
+        twice or not at all. The law has states of its own, or hysteresis with three modes.
 
     References
     ----------
@@ -133,7 +134,9 @@ def _operating(
         q[balance.at[name]] = values
     good = np.flatnonzero(counts > 0)
     reasons = Reasons(counts.size)
-    reasons.tell((counts == 0) & (others == 0), "no motion meets the set points")
+    # between the levels of a law with hysteresis, one turn must not depend on the one before
+    which = "no motion that leaves the sample in each turn" if balance.layers.memories else "no motion"
+    reasons.tell((counts == 0) & (others == 0), f"{which} meets the set points")
     other = _REGIMES[1 - _REGIMES.index(regime)]
     reasons.tell((counts == 0) & (others > 0), f"no {regime} motion meets the set points; {other} ones do")
     reasons.tell(counts > 1, f"several {regime} motions meet the set points; the first from afar is told")

@@ -101,7 +101,7 @@ def fit(
     >>> probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
     >>> law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
     >>> system = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=20.0)
-    >>> path = afm.distance_curve(system, (5.0, 14.0)).path("approach")
+    >>> path = afm.distance_curve(system, (5.0, 11.0)).path("approach")
     >>> start = afm.model(probe, afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3) + afm.DMT(E_GPa=1.5), afm.Drive(A0_nm=12.0),
     ...                   Zc_nm=20.0)
     >>> data = path[["amplitude_nm", "lag_deg"]].to_dataframe()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from saltus.basins.map.grid import Grid
 from saltus.basins.map.labelling import ACCURACY, Labelling
 from saltus.basins.map.outcomes import attractors_bytes, outcomes_from, summary
 from saltus.basins.map.store import flags
+from saltus.basins.map.wrong_labels import label_error_of
 from saltus.contents import Contents
 from saltus.ensemble.traps import NOT_DONE
 from saltus.errors import InputError
@@ -46,6 +48,8 @@ def dataset_of(basins: Any) -> xr.Dataset:
             "undecided": basins.undecided,
         },
     )
+    if basins.noted_error is not None and basins.path is None:
+        dataset.attrs["label_error"] = json.dumps(asdict(basins.noted_error))
     dataset["labels"].encoding["_FillValue"] = None
     return dataset
 
@@ -81,9 +85,10 @@ def parts_of(held: Contents) -> dict[str, Any]:
     if unnamed := sorted(set(np.unique(labels).tolist()) - {*outcomes.labels.values(), NOT_DONE}):
         raise InputError("variable 'labels'", unnamed[0], f"of outcomes: {sorted(outcomes.labels.values())}")
     why = held.text("undecided") if "undecided" in held.dataset.attrs else ""  # files of version 0.1 lack it
+    error = label_error_of(held.json("label_error", dict)) if "label_error" in held.dataset.attrs else None
     return {
         "labels": labels, "grid": grid, "attractors": outcomes, "inputs": inputs, "stopped": held.text("stopped"),
-        "undecided": why,
+        "undecided": why, "noted_error": error,
     }  # fmt: skip
 
 

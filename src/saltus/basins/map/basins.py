@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -58,6 +58,8 @@ class Basins(Result):
         Motions followed a second when the basins were computed; NaN where unknown.
     undecided : str
         Why cells are undecided, in words; empty where no cell is.
+    noted_error : LabelError or None
+        The `label_error` that `map_basins` measured when all cells were done.
 
     Examples
     --------
@@ -77,6 +79,7 @@ class Basins(Result):
     path: Path | None = None
     orbits_per_second: float = float("nan")
     undecided: str = ""
+    noted_error: LabelError | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.labels, np.ndarray):
@@ -191,7 +194,9 @@ class Basins(Result):
         for name, text in (("stopped", said), ("undecided", why)):
             if not isinstance(text, str):
                 raise InputError(f"attribute {name!r}", text, "a text")
-        return cls(store.labels, store.grid, attractors, store.attributes["inputs"], said, store.path, rate, why)
+        error = store.attributes.get("label_error")
+        noted = None if error is None else label_error_of(error)
+        return cls(store.labels, store.grid, attractors, store.attributes["inputs"], said, store.path, rate, why, noted)
 
     @cached_property
     def names(self) -> Mapping[int, str]:
@@ -307,7 +312,7 @@ class Basins(Result):
         Returns
         -------
         LabelError
-            A finished store has one; see `noted_error`.
+            `map_basins` measures one on fewer cells; see `noted_error`.
 
         Raises
         ------
@@ -327,12 +332,6 @@ class Basins(Result):
         bound = wilson(wrong, compared)[1] if compared else 1.0
         by_hand = differing(labels[:few], strict.by_events(points[:few]))
         return LabelError(wrong, compared, bound, tolerance, *by_hand)
-
-    @property
-    def noted_error(self) -> LabelError | None:
-        """The `label_error` that `map_basins` measured when a store was finished; None without one."""
-        kept = None if self.path is None else Store.open(self.path).attributes.get("label_error")
-        return None if kept is None else label_error_of(kept)
 
     @cached_property
     def _labelling(self) -> Labelling:
@@ -382,11 +381,21 @@ class Basins(Result):
             store.note(stopped=self.stopped)
         if self.undecided:
             store.note(undecided=self.undecided)
+        if self.noted_error:
+            store.note(label_error=asdict(self.noted_error))
         return path
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = (self.labels, self.grid, self.attractors, dict(self.inputs), self.stopped, self.path)
-        return Basins, (*values, self.orbits_per_second, self.undecided)
+        return Basins, (*values, self.orbits_per_second, self.undecided, self.noted_error)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether grids, labels, attractors and inputs are equal, however many cells were followed again."""
+        if not isinstance(other, Basins):
+            return NotImplemented
+        return super(Basins, replace(self, noted_error=None)).__eq__(replace(other, noted_error=None))
+
+    __hash__ = None  # as of all results
 
     def __repr__(self) -> str:
         system = self.inputs.get("system", {}).get("name") or "a hybrid system"
@@ -406,7 +415,7 @@ class Basins(Result):
         if "longest" in self.inputs:
             lines.append(f"  longest {self.inputs['longest']} periods: {self.inputs.get('longest_reason', 'as given')}")
         if error := self.noted_error:
-            lines.append(f"  wrong labels: {error.wrong} of {error.cells} followed again, < {error.bound:.2g} at 95 %")
+            lines.append(f"  wrong labels: {error}")
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
 
 

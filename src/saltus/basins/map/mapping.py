@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, is_dataclass, replace
@@ -52,11 +53,12 @@ __all__ = ["map_basins"]
 
 _IN_MEMORY = 10**9  # cells that are held in memory, at most
 
-_CHECKED = 100  # cells of a store for each one that is followed again
-_FEWEST = 500  # cells followed again, at least
+_CHECKED = 100  # cells for each one that is followed again
+_FEWEST = 500  # cells of a store followed again, at least
+_FEWEST_IN_MEMORY = 100  # the same in memory, where a grid is done at once
 _MOST = 10_000  # cells followed again, at most
 
-_BY_EVENTS = 50  # cells that the event-driven flow follows again, some milliseconds each
+_BY_EVENTS = 50  # cells of a store that the event-driven flow follows again, some milliseconds each
 
 _SHOWN = 16  # points of each attractor that are followed to check it
 
@@ -117,8 +119,9 @@ def map_basins(
     The share of 20 000 random cells with a wrong label is 0 per cent in the plane of Fig. 9, 0.015 per cent in the
     worst plane of Fig. 10, and 0.02 per cent in [-5, 5]^4. The reference is the event-driven flow at tolerance 1e-11,
     followed until it is within 1e-6 of an attractor (``benchmarks/basin_accuracy.py``). Grids with long chaotic
-    transients have more wrong labels. `Basins.label_error` measures their share. A finished store has it as
-    ``label_error``, from a hundredth of its cells and some cells followed by the event-driven flow.
+    transients have more wrong labels. `Basins.label_error` measures their share. `Basins.noted_error` has it from a
+    hundredth of the cells, at least 100, and a warning tells where it is above 1 per cent. A finished store has it as
+    ``label_error``, from at least 500 cells, and from some cells followed by the event-driven flow.
 
     Besides, at most a share `Attractors.measured_error` of any one trapping region belongs to another basin, by the
     samples that made the region. A store's metadata has the numbers as ``accuracy`` and ``attractors``.
@@ -165,8 +168,13 @@ def map_basins(
                 kept = Store.create(place, cells, attributes_of(inputs, cells, found), attractors_bytes(found))
         run = _Run(cells, kept, labelling, report)
         if chosen.engine == "dask":
-            return run.through(labelled_by(cluster, cells, inputs, place, run.units), found, inputs)
-        return run.through(labelling.units(cells, run.units), found, inputs)
+            basins = run.through(labelled_by(cluster, cells, inputs, place, run.units), found, inputs)
+        else:
+            basins = run.through(labelling.units(cells, run.units), found, inputs)
+    if (error := basins.noted_error) is not None and error.large:
+        told = f"wrong labels: {error}; motions are chaotic for long before they settle, or a trapping region is wrong"
+        warnings.warn(f"saltus: {told}: trust no single cell, only shares of many", RuntimeWarning, stacklevel=2)
+    return basins
 
 
 class _Run:
@@ -202,7 +210,8 @@ class _Run:
             interrupted = True
         if self.store is None:
             said = ended(self.done, self.grid.size, "cells", interrupted=interrupted)
-            return Basins(self.array, self.grid, attractors, inputs, said, None, self.rate, self.why_undecided())
+            basins = Basins(self.array, self.grid, attractors, inputs, said, None, self.rate, self.why_undecided())
+            return self.checked(basins) if self.done == self.grid.size and not interrupted else basins
         if self.followed:
             before = self.store.attributes.get("run", {"orbits": 0, "seconds": 0.0})
             seconds = before["seconds"] + monotonic() - self.started
@@ -219,8 +228,19 @@ class _Run:
     def check(self, store: Store, attractors: Any) -> None:
         """Follow some cells of a complete store again, once, and note how many labels were wrong."""
         if "label_error" not in store.attributes:
-            some = min(self.grid.size, max(self.grid.size // _CHECKED, _FEWEST), _MOST)
-            store.note(label_error=asdict(Basins.of_store(store, attractors).label_error(some, by_events=_BY_EVENTS)))
+            error = Basins.of_store(store, attractors).label_error(self._some(_FEWEST), by_events=_BY_EVENTS)
+            store.note(label_error=asdict(error))
+
+    def checked(self, basins: Basins) -> Basins:
+        """Return basins in memory with the share of wrong labels among some cells; an interrupt leaves it out."""
+        try:
+            error = basins.label_error(self._some(_FEWEST_IN_MEMORY), by_events=0)
+        except KeyboardInterrupt:
+            return basins
+        return replace(basins, noted_error=error if error.cells else None)
+
+    def _some(self, fewest: int) -> int:
+        return min(self.grid.size, max(self.grid.size // _CHECKED, fewest), _MOST)
 
     def why_undecided(self) -> str:
         """Return why cells of this run are undecided, from some of them; empty where none is."""

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["LabelError", "differing", "label_error_of"]
 
+_LARGE = 0.01  # share of wrong labels beyond which basins are told to be rough
+
 
 @dataclass(frozen=True)
 class LabelError:
@@ -40,6 +42,17 @@ class LabelError:
     tolerance: float
     wrong_by_events: int = 0
     cells_by_events: int = 0
+
+    def __str__(self) -> str:
+        by_events = (
+            f"; {self.wrong_by_events} of {self.cells_by_events} followed one by one" if self.wrong_by_events else ""
+        )
+        return f"{self.wrong} of {self.cells} followed again, < {self.bound:.2g} at 95 %{by_events}"
+
+    @property
+    def large(self) -> bool:
+        """Whether more than one label in a hundred differs."""
+        return self.wrong > _LARGE * self.cells or self.wrong_by_events > max(_LARGE * self.cells_by_events, 1)
 
 
 def differing(labels: NDArray[np.uint8], others: NDArray[np.uint8]) -> tuple[int, int]:

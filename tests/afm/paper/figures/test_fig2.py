@@ -30,6 +30,7 @@ def content(found):
     return json.loads(found["files"][1].read_text())
 
 
+@pytest.mark.campaign
 def test_four_files_are_written(found):
     assert [path.name for path in found["files"]] == ["fig2.nc", "fig2.json", "fig2.png", "fig2.pdf"]
     assert not found["interrupted"]

@@ -18,6 +18,7 @@ from saltus import afm
 from saltus.afm.paper.figures import fig7a, runner
 from saltus.afm.paper.figures.files import read_results
 from saltus.plotting.space import stretches_of
+from selection import guarding
 
 pytestmark = pytest.mark.campaign  # the whole figure
 
@@ -275,11 +276,14 @@ def test_the_inset_covers_no_curve(fig7a_picture):
 
 @pytest.mark.parametrize(
     ("moment", "done", "kept"),
-    [
-        ("Omega = ", 40, ["one_mode"]),
-        ("beside SN2", 0, ["one_mode", "two_modes"]),
-        ("responses: ", 2, ["one_mode", "two_modes", "responses"]),
-    ],
+    guarding(
+        [
+            ("responses: ", 2, ["one_mode", "two_modes", "responses"]),
+            ("Omega = ", 40, ["one_mode"]),
+            ("beside SN2", 0, ["one_mode", "two_modes"]),
+        ],
+        campaign=1,
+    ),
 )
 def test_an_interrupted_run_keeps_what_it_has(fig7a_found, monkeypatch, tmp_path, moment, done, kept):
     """What the whole run has found already stands for the branches before those during which the interrupt comes."""
