@@ -253,7 +253,8 @@ class OrbitZeroProblem:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
-        closer, longest = products(data.pairs, followed, self.vanish_at), longest_step(data.pairs)
+        turning = () if self.neutral else data.pairs
+        closer, longest = products(data.pairs, followed, self.vanish_at), longest_step(turning)
         if before is None:
             return Examined(monitors, None, data, closer=closer)
         if _rests(before, point):

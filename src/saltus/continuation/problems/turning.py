@@ -98,14 +98,29 @@ def _foretold(pair: Pair, step: float) -> float:
 
 def longest_step(pairs: Sequence[Pair]) -> float:
     """Return the longest step in which no pair turns so far that it is not followed, as far as its rate tells."""
-    longest = math.inf
-    for pair in pairs:
-        if pair.rate == 0.0 or not math.isfinite(pair.rate) or _room(pair.value, pair.value) > _MOST:
-            continue
-        step = _NEARLY * _FAR / abs(pair.rate)
-        turned = abs(_foretold(pair, step) - pair.angle)
-        longest = min(longest, step * min(1.0, _NEARLY * _FAR / turned) if turned > 0.0 else step)
-    return longest
+    return min(
+        (
+            _step_to_turn(pair)
+            for pair in pairs
+            if math.isfinite(pair.rate) and not _room(pair.value, pair.value) > _MOST
+        ),
+        default=math.inf,
+    )
+
+
+def _step_to_turn(pair: Pair) -> float:
+    """Return the step in which a pair is foretold to turn as far as a step may turn it, by its rate and its bend."""
+    most, bend = _NEARLY * _FAR, 0.5 * pair.bend
+    rate = pair.rate + bend * pair.step
+    if rate < 0.0:
+        rate, bend = -rate, -bend
+    steady = most / abs(pair.rate) if pair.rate != 0.0 else math.inf
+    onward = rate * rate + 4.0 * bend * most
+    if onward >= 0.0:
+        total = rate + math.sqrt(onward)
+        return min(steady, 2.0 * most / total) if total > 0.0 else steady
+    # it turns back before, and passes as far on the other side
+    return min(steady, (rate + math.sqrt(rate * rate - 4.0 * bend * most)) / (-2.0 * bend))
 
 
 def _off_axis(angle: float) -> float:
