@@ -253,8 +253,7 @@ class OrbitZeroProblem:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
-        turning = () if self.neutral else data.pairs
-        closer, longest = products(data.pairs, followed, self.vanish_at), longest_step(turning)
+        closer = products(data.pairs, followed, self.vanish_at)
         if before is None:
             return Examined(monitors, None, data, closer=closer)
         if _rests(before, point):
@@ -265,8 +264,8 @@ class OrbitZeroProblem:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
             monitors[name], fault, self._crossed = ends[1], None, way.real
-        fault = fault if self.neutral else fault or parting(data.pairs)
-        return Examined(monitors, fault, data, doubled_by(followed), closer, longest)
+        fault, doubted = (fault, ()) if self.neutral else (fault or parting(data.pairs), data.pairs)
+        return Examined(monitors, fault, data, doubled_by(followed), closer, longest_step(doubted))
 
     def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
         """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.
