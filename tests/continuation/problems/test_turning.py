@@ -69,10 +69,14 @@ def test_the_next_step_turns_no_pair_farther_than_it_can_be_followed() -> None:
     evenly = longest_step(turned_through([-1.9, -1.2, -0.5, 0.2]))
     assert 7.0 * evenly == pytest.approx(1.05)
     faster = longest_step(turned_through([0.7, 0.8, 1.0, 1.3]))
-    assert 0.1 < faster < 0.35  # which its rate alone, 3, allows
-    assert 3.0 * faster + 5.0 * (faster + 0.1) * faster < 1.05
+    assert 3.0 * faster + 5.0 * (faster + 0.1) * faster == pytest.approx(1.05)
     assert longest_step(turned_through([-1.9, -1.2, -0.5, 0.2], 0.05)) == math.inf
     assert longest_step(turned_through([0.3, 0.6])) == math.inf
+
+
+@pytest.mark.parametrize("rounding", [(0.0, 1e-13, 0.0), (1e-13, 0.0, 2e-13), (0.0, -1e-13, -1e-13), (0.0, 0.0, 0.0)])
+def test_a_pair_that_rests_leaves_steps_as_long_as_they_are(rounding) -> None:
+    assert longest_step(turned_through([1.2, *(1.2 + off for off in rounding)])) > 1e4
 
 
 def test_steps_are_short_enough_to_follow_pairs() -> None:

@@ -98,14 +98,8 @@ def _foretold(pair: Pair, step: float) -> float:
 
 def longest_step(pairs: Sequence[Pair]) -> float:
     """Return the longest step in which no pair turns so far that it is not followed, as far as its rate tells."""
-    return min(
-        (
-            _step_to_turn(pair)
-            for pair in pairs
-            if math.isfinite(pair.rate) and not _room(pair.value, pair.value) > _MOST
-        ),
-        default=math.inf,
-    )
+    turning = [pair for pair in pairs if math.isfinite(pair.rate) and _room(pair.value, pair.value) <= _MOST]
+    return min((_step_to_turn(pair) for pair in turning), default=math.inf)
 
 
 def _step_to_turn(pair: Pair) -> float:
