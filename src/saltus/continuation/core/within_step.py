@@ -23,6 +23,7 @@ __all__ = ["border_tests", "circle_tests", "several_critical"]
 
 _ASIDE = 1e-4  # fraction of a step by which values are differentiated
 _DEEPEST = 10  # most times that a part of a step is halved
+_MOST = 200  # parts looked at, from which on none is halved
 _DOUBT = 2.0  # factor on what a cubic misses in the middle of a part
 _BENT = 0.25  # the same over the change in the part, up to which a function that changes its sign does so once
 _ROUNDED = 1e-9  # function over its size, up to which its sign is rounding
@@ -86,9 +87,11 @@ def several_critical(
     first, last = _place(0.0, ends[0], around[:2]), _place(1.0, ends[1], around[3:])
     zeros: list[list[float]] = [[], [], []]
     parts = [(first, last, around[2], 0)]
+    looked = 0
     while parts:
         left, right, middle, depth = parts.pop()
-        found = _zeros_of_part(left, right, middle, tests, final=depth == _DEEPEST)
+        looked += 1
+        found = _zeros_of_part(left, right, middle, tests, final=depth == _DEEPEST or looked >= _MOST)
         if found is None:
             quarter = 0.25 * (right.share - left.share)
             at = left.share + 2.0 * quarter
@@ -224,6 +227,8 @@ def _zeros(
     The cubic through them must lead to the value in the middle but for a small part of its distance from 0.
     """
     f, _, g, _ = known
+    if abs(f) <= floors[0] and abs(g) <= floors[1] and abs(middle) <= max(floors):
+        return []  # it vanishes all along, as 1 - mu1 mu2 does in a map that keeps areas
     missed = _DOUBT * abs(_cubic(*known, 0.5) - middle)
     inner = [(s, _cubic(*known, s)) for s in _turning(*known)]
     row = [(0.0, f)] * (abs(f) > floors[0]) + inner + [(1.0, g)] * (abs(g) > floors[1])
