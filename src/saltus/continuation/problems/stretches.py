@@ -1,6 +1,6 @@
 """Many points of a branch of equilibria at once: what the kernel has found, looked at as a whole.
 
-docs/theory/equilibria.md, "Many steps at once", explains what must not happen on the way.
+docs/theory/equilibria.md, "Values within a step", explains what must not happen on the way.
 """
 
 from __future__ import annotations
