@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from saltus.continuation.core.within_step import border_tests, circle_tests, several_critical
+from saltus.continuation.core.within_step import border_tests, circle_tests, searched, steady
 
 
 def _several(values, tests):
@@ -13,7 +13,7 @@ def _several(values, tests):
         return np.array([values(s) for s in shares], dtype=complex)
 
     ends = spectra(np.array([0.0, 1.0]))
-    return several_critical(spectra, (ends[0], ends[1]), tests)
+    return searched(spectra, ends, (1.0,), tests)
 
 
 def _pair(trace, product):
@@ -54,3 +54,24 @@ def test_equal_values_cross_together():
 
 def test_real_values_whose_product_is_1_are_not_a_pair():
     assert not _several(lambda s: [2.0 + s, 0.5 - 0.2 * (s - 0.5) ** 2 + 0.01], circle_tests)
+
+
+def test_values_that_move_steadily_are_told():
+    rows = [[0.6 + 0.02 * k, 0.3 + 0.5j + 0.01 * k, 0.3 - 0.5j + 0.01 * k, 0.05 * (-1) ** k] for k in range(3)]
+    assert steady(rows, (1.0, 1.0), circle_tests)
+
+
+@pytest.mark.parametrize(
+    "row", [[0.9, 0.99, 0.98], [0.5, 0.7, 1.1], [0.3 + 1e-9j, 0.3, 0.3]], ids=["bends to 1", "moves far", "parts"]
+)
+def test_values_that_may_come_back_are_told(row):
+    rows = [[value, np.conj(value)] if np.iscomplexobj(row) else [value] for value in row]
+    assert not steady(rows, (1.0, 1.0), circle_tests)
+
+
+def test_a_value_that_passes_infinity_is_not_taken_to_cross():
+    assert _several(lambda s: [1.0 / (0.3 * (s - 0.4) + 1e-3), 0.5], circle_tests) is False
+
+
+def test_nothing_is_known_where_a_value_is_no_number():
+    assert _several(lambda s: [np.nan if 0.4 < s < 0.6 else 0.5], circle_tests) is None

@@ -25,6 +25,7 @@ from saltus.continuation.core.kernels.control import (
     predict,
 )
 from saltus.continuation.core.locating import CROWDED, events_between
+from saltus.continuation.core.within_step import dips
 from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, correct
 from saltus.errors import InputError
 
@@ -40,7 +41,6 @@ _MISSTEPS = {
     FOLDS: "folds: the parameter turns twice within the step",
 }
 _DOUBTS = 100  # most steps that are taken back without getting farther
-_BENT = 2.0  # factor on the curvature of a monitor function when two zeros within a step are suspected
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def follow(
         if not held:
             yield step.point
         earlier, before, point = before, point, step.point
-        h = min(h * step.growth, control.largest, max(step.point.examined.longest, control.smallest))
+        h = min(h * step.growth, control.largest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,39 +224,15 @@ def _predict(point: Point, before: Point | None, h: float) -> NDArray[np.float64
 def _returns(before: Point | None, a: Point, b: Point) -> str | None:
     """Return the reason why a monitor function may vanish twice in the step from `a` to `b`; None if none may.
 
-    Where there is a closer function with the same zeros, it may vanish twice as well. docs/theory/continuation.md,
-    "Special points", explains the test.
+    docs/theory/continuation.md, "Special points", explains the test.
     """
     if before is None or before.arc == a.arc or abs(b.arc - a.arc) < CROWDED:
         return None
     back, ahead = abs(a.arc - before.arc), abs(b.arc - a.arc)
     at = before.examined, a.examined, b.examined
-    known = a.examined.doubled | b.examined.doubled
+    later = b if b.arc > a.arc else a
+    known = a.examined.doubled | b.examined.doubled | later.examined.once
     for name in b.examined.monitors:
-        if name in known or not _dips([point.monitors.get(name) for point in at], back, ahead):
-            continue
-        closer = [point.closer.get(name, (None, math.nan)) for point in at]
-        alike = closer[0][0] is not None and all(what == closer[0][0] for what, _ in closer)
-        if not alike or _dips([value for _, value in closer], back, ahead):
+        if name not in known and dips([point.monitors.get(name) for point in at], back, ahead):
             return f"events: {name} may vanish twice within the step"
     return None
-
-
-def _dips(values: list[float | None], back: float, ahead: float) -> bool:
-    """Whether a function may vanish twice in a step, from its values before the step, where it begins and at its end.
-
-    It has one sign at both ends. A parabola through the three, its curvature doubled, gives its least value within.
-    """
-    other, start, end = values
-    if other is None or start is None or end is None:
-        return False
-    change = end - start
-    dip = _BENT * (change / ahead - (start - other) / back) / (ahead + back) * ahead * ahead
-    if start < 0.0:
-        start, change, dip = -start, -change, -dip
-    # start + change s - dip s (1 - s) has its least value within the step
-    return (
-        0.0 < start > -change
-        and abs(change) < dip < math.inf
-        and start + 0.5 * change < 0.25 * (dip + change * change / dip)
-    )

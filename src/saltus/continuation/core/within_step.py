@@ -7,7 +7,7 @@ Values that meet are taken together, since symmetric functions of them stay smoo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,99 +17,211 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Spectra = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
-    Tests = Callable[[list[complex]], tuple[list[float], float, bool]]
 
-__all__ = ["border_tests", "circle_tests", "several_critical"]
+__all__ = [
+    "ASIDE",
+    "Spectrum",
+    "Tested",
+    "border_tests",
+    "circle_tests",
+    "dips",
+    "searched",
+    "several_critical",
+    "steady",
+]
 
-_ASIDE = 1e-4  # fraction of a step by which values are differentiated
+ASIDE = 1e-4  # fraction of a step by which values are differentiated
 _DEEPEST = 10  # most times that a part of a step is halved
 _MOST = 200  # parts looked at, from which on none is halved
 _DOUBT = 2.0  # factor on what a cubic misses in the middle of a part
 _BENT = 0.25  # the same over the change in the part, up to which a function that changes its sign does so once
+_FAR = 0.15  # size of multipliers up to which they are far from critical, as beyond its inverse
+_MOVED = 0.3  # way of a value in a step over its scale, up to which it is taken to move steadily
+_UNEVEN = 8.0  # factor on the curvature of a function that is taken to change steadily
+_AGREED = 0.02  # the same up to which the values of one function are taken to be followed, not mistaken for others
+_CURVED = 2.0  # factor on the curvature of a function when two zeros within a step are suspected
 _ROUNDED = 1e-9  # function over its size, up to which its sign is rounding
 _BISECTIONS = 30  # of the search for a zero
 _ALIKE = 1e-5  # distance of two zeros, in steps, up to which they are one of equal values
 _PAIRED = 1e-12  # imaginary part over the size, from which on a value is one of a complex pair
 
 
+class Tested(NamedTuple):
+    """Functions of values that belong together; docs/theory/equilibria.md lists them."""
+
+    values: list[float]
+    sizes: list[float]  # changes of the functions as the values change by their sizes
+    turns: bool  # whether the values are a complex pair
+    far: bool  # whether they are so far from critical that they cannot come there and back in a step
+    scale: float  # way of the values that is neither short nor long
+
+
+class Spectrum(NamedTuple):
+    """Values at a place of a branch, and those a little aside."""
+
+    values: NDArray[np.complex128]
+    beside: NDArray[np.complex128]
+    away: float  # distance of these, in lengths of the step
+
+
 class _Place(NamedTuple):
-    """The values at a fraction of a step, and those beside it in the same order."""
+    """A fraction of a step, and its values."""
 
     share: float
-    values: NDArray[np.complex128]
-    beside: tuple[NDArray[np.complex128], NDArray[np.complex128]]
+    known: Spectrum
 
 
-def circle_tests(values: list[complex]) -> tuple[list[float], float, bool]:
-    """Return functions of multipliers that vanish at 1, at -1, and for a pair at the unit circle; see `_zeros`."""
-    one, other, size = 1.0 + 0.0j, 1.0 + 0.0j, 1.0
-    for value in values:
-        one, other, size = one * (1.0 - value), other * (1.0 + value), size * (1.0 + abs(value))
-    found = [one.real, other.real]
+def circle_tests(values: list[complex]) -> Tested:
+    """Return functions of multipliers that vanish at 1, at -1, and for a pair at the unit circle.
+
+    They are bounded, and smooth where one or two multipliers pass infinity but for their sign.
+    """
     if len(values) == 2:
-        found.append(1.0 - (values[0] * values[1]).real)
-    return found, size, _turns(values)
+        a, b = values
+        total, product, one, other = (a + b).real, (a * b).real, 1.0 + abs(a), 1.0 + abs(b)
+        unit = math.hypot(1.0, total, product)
+        rows = [
+            (1.0 - total + product, one * abs(1.0 - b) + other * abs(1.0 - a)),
+            (1.0 + total + product, one * abs(1.0 + b) + other * abs(1.0 + a)),
+            (1.0 - product, 1.0 + abs(product)),
+        ]
+    else:
+        unit, rows = math.prod(math.hypot(1.0, abs(value)) for value in values), []
+        for side in (1.0, -1.0):
+            distance, change = 1.0 + 0.0j, 0.0
+            for value in values:
+                own, size = 1.0 - side * value, 1.0 + abs(value)
+                distance, change = distance * own, change * abs(own) + abs(distance) * size
+            rows.append((distance.real, change))
+    sizes = [abs(value) for value in values]
+    far = max(sizes) < _FAR or min(sizes) > 1.0 / _FAR
+    return Tested(
+        [value / unit for value, _ in rows], [size / unit for _, size in rows], _turns(values), far, max(1.0, *sizes)
+    )
 
 
-def border_tests(values: list[complex]) -> tuple[list[float], float, bool]:
-    """Return functions of eigenvalues that vanish at 0, and for a pair at the imaginary axis; see `_zeros`."""
+def border_tests(values: list[complex]) -> Tested:
+    """Return functions of eigenvalues that vanish at 0, and for a pair at the imaginary axis."""
     product, size = 1.0 + 0.0j, 1.0
     for value in values:
         product, size = product * value, size * (1e-3 + abs(value))
-    found = [product.real]
+    found, sizes = [product.real], [size]
     if len(values) == 2:
         found.append((values[0] + values[1]).real)
-        size = min(size, 1e-3 + abs(values[0]))
-    return found, size, _turns(values)
+        sizes.append(1e-3 + abs(values[0]))
+    return Tested(found, sizes, _turns(values), far=False, scale=min(abs(value.real) for value in values))
 
 
 def _turns(values: list[complex]) -> bool:
     return len(values) == 2 and abs(values[0].imag) > _PAIRED * abs(values[0])
 
 
-def several_critical(
-    spectra: Spectra, ends: tuple[NDArray[np.complex128], NDArray[np.complex128]], tests: Tests
+def steady(
+    rows: Sequence[Iterable[complex]], lengths: tuple[float, float], tests: Callable[[list[complex]], Tested]
 ) -> bool:
-    """Return whether values become critical at more than one place of a step in the same way.
+    """Return whether values move so steadily that none becomes critical and comes back in the last of two steps.
+
+    Parameters
+    ----------
+    rows : three sequences of complex
+        The values at three points, each at the index of its predecessor.
+    lengths : pair of float
+        Arclengths of the steps between the points.
+    tests : callable
+        `circle_tests` or `border_tests`.
+    """
+    groups: list[tuple[list[complex], ...]] = []
+    for row in zip(*map(list, rows), strict=True):
+        known = [tests([value]) for value in row]
+        if all(test.far for test in known):
+            continue
+        if max(abs(row[1] - row[0]), abs(row[2] - row[1])) > _MOVED * min(test.scale for test in known):
+            return False
+        above, below = {value.imag > 0.0 for value in row}, {value.imag < 0.0 for value in row}
+        if len(above) > 1 or len(below) > 1:
+            return False
+        if True in above:
+            groups.append(tuple([value, value.conjugate()] for value in row))
+        elif True not in below:
+            groups.append(tuple([value] for value in row))
+    return not any(
+        dips(list(values), *lengths, _UNEVEN)
+        for group in groups
+        for values in zip(*(tests(own).values for own in group), strict=True)
+    )
+
+
+def searched(
+    spectra: Spectra,
+    rows: Sequence[NDArray[np.complex128]],
+    lengths: tuple[float, ...],
+    tests: Callable[[list[complex]], Tested],
+) -> bool | None:
+    """Return what `several_critical` does of the last step, without spectra where all values move steadily.
+
+    Parameters
+    ----------
+    spectra : callable
+        See `several_critical`.
+    rows : sequence of two or three ndarray
+        The values at the point before the step, if there is one, and at its ends.
+    lengths : tuple of float
+        Arclengths of the steps between those points.
+    tests : callable
+        `circle_tests` or `border_tests`.
+    """
+    *before, first, last = rows
+    if before:
+        known = _matched(first, before[0]), first, _matched(first, last)
+        if steady(known, (lengths[0], lengths[1]), tests):
+            return False
+    beside = spectra(np.array([ASIDE, 1.0 - ASIDE]))
+    ends = Spectrum(first, beside[0], ASIDE), Spectrum(last, beside[1], -ASIDE)
+    return several_critical(spectra, *ends, tests)
+
+
+def several_critical(
+    spectra: Spectra, first: Spectrum, last: Spectrum, tests: Callable[[list[complex]], Tested], most: int | None = None
+) -> bool | None:
+    """Return whether values become critical at more than one place of a step in the same way; None if it is not known.
 
     Parameters
     ----------
     spectra : callable
         Values at fractions of the step, (places,) -> (places, values), in any order.
-    ends : pair of ndarray, shape (values,)
+    first, last : Spectrum
         The values at the step's ends.
     tests : callable
         `circle_tests` or `border_tests`.
+    most : int, optional
+        Parts of the step that are looked at before it is not known; by default as many as it takes.
     """
-    around = spectra(np.array([-_ASIDE, _ASIDE, 0.5, 1.0 - _ASIDE, 1.0 + _ASIDE]))
-    if not (np.all(np.isfinite(around)) and all(np.all(np.isfinite(end)) for end in ends)):
-        return False
-    first, last = _place(0.0, ends[0], around[:2]), _place(1.0, ends[1], around[3:])
+    centre = spectra(np.array([0.5]))[0]
+    if not all(np.all(np.isfinite(values)) for values in (centre, *first[:2], *last[:2])):
+        return None
     zeros: list[list[float]] = [[], [], []]
-    parts = [(first, last, around[2], 0)]
+    parts = [(_Place(0.0, first), _Place(1.0, last), centre, 0)]
     looked = 0
     while parts:
         left, right, middle, depth = parts.pop()
         looked += 1
         found = _zeros_of_part(left, right, middle, tests, final=depth == _DEEPEST or looked >= _MOST)
+        if found is None and looked == most:
+            return None
         if found is None:
             quarter = 0.25 * (right.share - left.share)
             at = left.share + 2.0 * quarter
-            more = spectra(np.array([at - quarter, at - _ASIDE, at + _ASIDE, at + quarter]))
+            more = spectra(np.array([at - quarter, at + ASIDE, at + quarter]))
             if not np.all(np.isfinite(more)):
-                return False
-            centre = _place(at, middle, more[1:3])
-            parts += [(left, centre, more[0], depth + 1), (centre, right, more[3], depth + 1)]
+                return None
+            half = _Place(at, Spectrum(middle, more[1], ASIDE))
+            parts += [(left, half, more[0], depth + 1), (half, right, more[2], depth + 1)]
             continue
         for known, new in zip(zeros, found, strict=False):
             known += new
             if known and max(known) - min(known) > _ALIKE:
                 return True
     return False
-
-
-def _place(share: float, values: NDArray[np.complex128], beside: NDArray[np.complex128]) -> _Place:
-    return _Place(share, values, (_matched(values, beside[0]), _matched(values, beside[1])))
 
 
 def _matched(values: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -165,22 +277,33 @@ def _roots(coefficients: list[tuple[float, float, float, float]]) -> list[comple
 
 
 def _zeros_of_part(
-    left: _Place, right: _Place, middle: NDArray[np.complex128], tests: Tests, *, final: bool
+    left: _Place,
+    right: _Place,
+    middle: NDArray[np.complex128],
+    tests: Callable[[list[complex]], Tested],
+    *,
+    final: bool,
 ) -> list[list[float]] | None:
     """Return the zeros of each function in a part of a step, in steps; None where halves must tell."""
-    order = _order(left.values, right.values)
+    first, last = left.known, right.known
+    order = _order(first.values, last.values)
     length = right.share - left.share
-    scale = length / (2.0 * _ASIDE)
-    ends = [left.values, *left.beside, right.values[order], *(values[order] for values in right.beside)]
-    groups = _groups(ends[0], ends[3])
+    ends = [
+        first.values,
+        _matched(first.values, first.beside),
+        last.values[order],
+        _matched(last.values, last.beside)[order],
+    ]
+    slopes = length / first.away, length / last.away
+    groups = _groups(ends[0], ends[2])
     sets = [[values[group].tolist() for values in ends] for group in groups]
     expected: list[complex] = []
     for own in sets:
         if len(own[0]) > 2:
-            expected += [0.5 * (a + b) for a, b in zip(own[0], own[3], strict=True)]
+            expected += [0.5 * (a + b) for a, b in zip(own[0], own[2], strict=True)]
             continue
         rows = [[sum(v).real] if len(v) == 1 else [sum(v).real, (v[0] * v[1]).real] for v in own]
-        expected += _roots([(f, (h - g) * scale, k, (m - n) * scale) for f, g, h, k, n, m in zip(*rows, strict=True)])
+        expected += _roots([_slopes(known, slopes) for known in zip(*rows, strict=True)])
     there: list[complex] = _matched(np.array(expected), middle).tolist()
     found: list[list[float]] = [[], [], []]
     at = 0
@@ -188,18 +311,20 @@ def _zeros_of_part(
         count = len(own[0])
         inside = there[at : at + count]
         at += count
+        results, now = [tests(values) for values in own], tests(inside)
+        if now.far and all(result.far for result in results):
+            continue
         meets = count == 1 and abs(inside[0].imag) > _PAIRED * abs(inside[0])
         if (meets or count > 2) and not final:
             return None
-        results, now = [tests(values) for values in own], tests(inside)
-        turning = results[0][2], now[2], results[3][2]
-        for kind in range(len(now[0])):
-            paired = kind == len(now[0]) - 1 and count == 2
+        turning = results[0].turns, now.turns, results[2].turns
+        for kind in range(len(now.values)):
+            paired = kind == len(now.values) - 1 and count == 2
             if paired and not any(turning):
                 continue
-            f, g, h, k, n, m = (result[0][kind] for result in results)
-            floors = _ROUNDED * results[0][1], _ROUNDED * results[3][1]
-            zeros = _zeros((f, (h - g) * scale, k, (m - n) * scale), now[0][kind], floors, final=final)
+            known = _slopes([result.values[kind] for result in results], slopes)
+            floors = _ROUNDED * results[0].sizes[kind], _ROUNDED * results[2].sizes[kind]
+            zeros = _zeros(known, now.values[kind], floors, final=final)
             if zeros is None:
                 return None
             if paired and zeros and not all(turning):
@@ -208,6 +333,12 @@ def _zeros_of_part(
                 continue
             found[2 if paired else kind] += [left.share + length * zero for zero in zeros]
     return found
+
+
+def _slopes(known: Sequence[float], scale: tuple[float, float]) -> tuple[float, float, float, float]:
+    """Return value and slope of a function at both ends of a part, from its values there and beside."""
+    f, beside, g, other = known
+    return f, (beside - f) * scale[0], g, (other - g) * scale[1]
 
 
 def _order(values: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArray[np.intp]:
@@ -230,6 +361,8 @@ def _zeros(
     if abs(f) <= floors[0] and abs(g) <= floors[1] and abs(middle) <= max(floors):
         return []  # it vanishes all along, as 1 - mu1 mu2 does in a map that keeps areas
     missed = _DOUBT * abs(_cubic(*known, 0.5) - middle)
+    if missed > _AGREED and not final:
+        return None
     inner = [(s, _cubic(*known, s)) for s in _turning(*known)]
     row = [(0.0, f)] * (abs(f) > floors[0]) + inner + [(1.0, g)] * (abs(g) > floors[1])
     if final:
@@ -252,3 +385,24 @@ def _zero(known: tuple[float, float, float, float], low: float, high: float) -> 
         middle = 0.5 * (low + high)
         low, high = (middle, high) if (_cubic(*known, middle) < 0.0) == start else (low, middle)
     return 0.5 * (low + high)
+
+
+def dips(values: list[float | None], back: float, ahead: float, factor: float = _CURVED) -> bool:
+    """Whether a function may vanish twice in a step, from its values before the step, where it begins and at its end.
+
+    It has one sign at both ends. A parabola through the three, its curvature times a factor, gives its least
+    value within.
+    """
+    other, start, end = values
+    if other is None or start is None or end is None:
+        return False
+    change = end - start
+    dip = factor * (change / ahead - (start - other) / back) / (ahead + back) * ahead * ahead
+    if start < 0.0:
+        start, change, dip = -start, -change, -dip
+    # start + change s - dip s (1 - s) has its least value within the step
+    return (
+        0.0 < start > -change
+        and abs(change) < dip < math.inf
+        and start + 0.5 * change < 0.25 * (dip + change * change / dip)
+    )

@@ -113,9 +113,8 @@ class Examined:
     data: Any = None  # what the problem knows of the point
     # names of the monitor functions that are known to touch 0 in the step to the point, without changing their sign
     doubled: frozenset[Any] = frozenset()
-    # by names of monitor functions: others that vanish wherever these do, and may bend less; what they are, and values
-    closer: Mapping[Any, tuple[Any, float]] = field(default_factory=dict)
-    longest: float = math.inf  # arclength of the longest step that the problem will not reject for its length
+    # names of those that are known to vanish once at most in the step to the point
+    once: frozenset[Any] = frozenset()
 
 
 @dataclass(eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.within_step import border_tests, several_critical
+from saltus.continuation.core.within_step import Tested, border_tests, searched
 from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
 from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.problems.watching import slope
@@ -57,11 +57,12 @@ _SEVERAL = "events: values become critical at more than one place within the ste
 
 @dataclass(frozen=True)
 class PointData:
-    """Data of a point: eigenvalues, the number of unstable ones, why the solution is virtual."""
+    """Data of a point."""
 
-    values: NDArray[np.complex128]
-    unstable: int
-    reasons: tuple[str, ...] = ()
+    values: NDArray[np.complex128]  # eigenvalues
+    unstable: int  # number of unstable ones
+    reasons: tuple[str, ...] = ()  # why the solution is virtual
+    behind: tuple[float, NDArray[np.complex128]] | None = None  # arclength from the point before, and its values
 
     @property
     def stable(self) -> bool:
@@ -88,13 +89,11 @@ class AlgebraicZeroProblem:
     critical: ClassVar[tuple[str, ...]] = ("SN", "BP", "HB")  # kinds of monitor functions at whose zeros it bifurcates
     single: ClassVar[tuple[str, ...]] = ("SN", "BP")  # those at which one value becomes critical
     paired: ClassVar[Monitor] = _HB  # that at which a pair of them does
-    # values of monitor functions up to which they are rounding
-    faint: ClassVar[Mapping[Monitor, float]] = MappingProxyType({_HB: FAINT})
+    faint: ClassVar[Mapping[Monitor, float]] = MappingProxyType({_HB: FAINT})  # values up to which they are rounding
     vanishing: ClassVar[str] = "the equations do not vanish there"  # the fault of a point that is no solution
 
     def __init__(self, problem: Any, sizes: NDArray[np.float64], interest: Interest) -> None:
-        self.problem, self.interest, self.n = problem, interest, problem.n
-        self.sizes = sizes.copy()
+        self.problem, self.interest, self.n, self.sizes = problem, interest, problem.n, sizes.copy()
         self._origin: NDArray[np.float64] | None = None
         self._log: float | None = None
         self._units: dict[Monitor, float] = {}
@@ -180,7 +179,7 @@ class AlgebraicZeroProblem:
         """Return values in units of the largest modulus at the start."""
         return values / (self._unit or 1.0)
 
-    def tests(self, values: list[complex]) -> tuple[list[float], float, bool]:
+    def tests(self, values: list[complex]) -> Tested:
         """Return functions of values that meet, which vanish where these become critical."""
         return border_tests(values)
 
@@ -196,6 +195,8 @@ class AlgebraicZeroProblem:
         if not point.residual <= _RESIDUAL:
             return Examined({}, f"residual: {self.vanishing}")
         data = self.data(u, point.J)
+        if before is not None and before.examined.data is not None:
+            data = replace(data, behind=(point.arc - before.arc, before.examined.data.values))
         monitors = {name: self.monitor(name, point) for name in (_LOW, _HIGH, _SN, _BP)}
         monitors |= self.own_monitors(point, data.values)
         for i, (_, _, value) in enumerate(self.interest.events):
@@ -370,14 +371,16 @@ class AlgebraicZeroProblem:
         (pairs, *first), (others, *second) = found
         return tuple(abs(b - a) for a, b in zip(first, second, strict=True)) if pairs == others else ()
 
-    def _several_critical(self, a: Point, b: Point, values: NDArray[np.complex128]) -> bool:
+    def _several_critical(self, a: Point, b: Point, values: NDArray[np.complex128]) -> bool | None:
         """Return whether values become critical at several places within a step."""
+        length, old = b.arc - a.arc, a.examined.data
 
         def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
-            return self.in_units(self.spectra(hermite(a, b, b.arc - a.arc, shares[:, None])))
+            return self.in_units(self.spectra(hermite(a, b, length, shares[:, None])))
 
-        ends = self.in_units(a.examined.data.values), self.in_units(values)
-        return several_critical(spectra, ends, self.tests)
+        back, before = old.behind or (length, None)
+        rows = [self.in_units(row) for row in (before, old.values, values) if row is not None]
+        return searched(spectra, rows, (back, length), self.tests)
 
     def _watched(self, value: complex) -> Monitor:
         """Return the monitor function of a value that becomes critical."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.point_types import on_branches
-from saltus.continuation.core.within_step import circle_tests
+from saltus.continuation.core.within_step import Tested, circle_tests
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, PointData
 from saltus.maps.orbit import faults_of
@@ -95,7 +95,7 @@ class MapZeroProblem(AlgebraicZeroProblem):
         """See `AlgebraicZeroProblem.in_units`: multipliers have no units."""
         return values
 
-    def tests(self, values: list[complex]) -> tuple[list[float], float, bool]:
+    def tests(self, values: list[complex]) -> Tested:
         """See `AlgebraicZeroProblem.tests`."""
         return circle_tests(values)
 

@@ -16,12 +16,12 @@ import numpy as np
 from saltus.continuation.core.arclength import RESTS, ROUNDED
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
+from saltus.continuation.problems.doubts import searched
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
-from saltus.continuation.problems.turning import Pair, followed_pairs, longest_step, parting, products
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.problems.watching import Watched, beyond
 from saltus.orbits import records
@@ -79,7 +79,9 @@ class OrbitData:
     unstable: int  # number of unstable multipliers
     # multipliers without the trivial one, each at the index of its predecessor at the point before
     followed: tuple[complex, ...] = ()
-    pairs: tuple[Pair, ...] = ()  # complex ones, followed through the real axis
+    behind: tuple[float, tuple[complex, ...]] | None = None  # arclength from the point before, and its own of these
+    # the same beside the point: the arclength to there, and the values, in any order
+    beside: tuple[float, NDArray[np.complex128]] | None = None
 
 
 class OrbitZeroProblem:
@@ -102,7 +104,6 @@ class OrbitZeroProblem:
     singular = frozenset({_BP})
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
-    vanish_at: Mapping[Monitor, float] = MappingProxyType({_PD: -1.0, _BP: 1.0})  # multipliers where these vanish
     further = 0  # unknowns between those of the orbit and the varied one
     active_at: slice | None = None  # where among the unknowns the active parameters are, if not at their end
     neutral = False  # whether multipliers lie on the unit circle all along, as in a conservative system
@@ -244,8 +245,7 @@ class OrbitZeroProblem:
         way = self._follow(point, before, values)
         followed = way.followed
         unstable = unstable_count(values[: len(followed)], neutral=self.neutral)
-        old, step = ((), 0.0) if before is None else (before.examined.data.pairs, abs(point.arc - before.arc))
-        data = OrbitData(survey, values, unstable, followed, followed_pairs(old, followed, step))
+        data = OrbitData(survey, values, unstable, followed)
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
         still_ahead(monitors, survey, before)
@@ -253,9 +253,8 @@ class OrbitZeroProblem:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
-        closer = products(data.pairs, followed, self.vanish_at)
         if before is None:
-            return Examined(monitors, None, data, closer=closer)
+            return Examined(monitors, None, data)
         if _rests(before, point):
             self._judge_fold(before, monitors, data)
         self._step, self._crossed = (before, point), None
@@ -264,8 +263,10 @@ class OrbitZeroProblem:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
             monitors[name], fault, self._crossed = ends[1], None, way.real
-        fault, doubted = (fault, ()) if self.neutral else (fault or parting(data.pairs), data.pairs)
-        return Examined(monitors, fault, data, doubled_by(followed), closer, longest_step(doubted))
+        single: frozenset[Monitor] = frozenset()
+        if fault is None and not self.neutral:
+            fault, single, data = searched(self, before, point, data)
+        return Examined(monitors, fault, data, doubled_by(followed), single)
 
     def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
         """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.

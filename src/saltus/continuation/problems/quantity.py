@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,7 +50,6 @@ class QuantityZeroProblem(OrbitZeroProblem):
     """
 
     odd = frozenset({_SN, _BP, _TP})
-    vanish_at = MappingProxyType({Monitor("PD"): -1.0})  # the bordered Jacobian may be singular without a multiplier 1
     further = 1
 
     def __init__(

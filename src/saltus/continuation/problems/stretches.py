@@ -14,7 +14,7 @@ import numpy as np
 from saltus.algebraic.products import combined, pairs
 from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.within_step import border_tests, several_critical
+from saltus.continuation.core.within_step import border_tests, searched
 from saltus.continuation.core.zero_problem import Examined, Point, cubic
 from saltus.continuation.problems.algebraic import PointData
 from saltus.equilibria.spectrum import FAINT, NEUTRAL
@@ -138,7 +138,8 @@ class Stretch:
         lines = np.concatenate([last.line[None], self._points[:kept]])
         for i in np.flatnonzero(_doubtful(table, lengths)).tolist():
             along = partial(cubic, lines[i], lines[i + 1], float(lengths[i]))
-            if several_critical(partial(self._spectra_at, along, unit), (table[i], table[i + 1]), border_tests):
+            within = partial(self._spectra_at, along, unit)
+            if searched(within, [*table[i : i + 2]], (float(lengths[i]),), border_tests):
                 return i
         return kept
 
