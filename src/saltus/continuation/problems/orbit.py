@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -16,10 +16,11 @@ import numpy as np
 from saltus.continuation.core.arclength import RESTS, ROUNDED
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
-from saltus.continuation.problems.doubts import searched
+from saltus.continuation.problems.doubts import DOUBT, searched
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
+from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
@@ -38,14 +39,14 @@ from saltus.orbits.floquet import (
 from saltus.orbits.gradients import slope_along
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import read_quantity
-from saltus.orbits.signature import CUT_END, Survey
+from saltus.orbits.signature import CUT_END
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.core.interest import Interest
 
-__all__ = ["OrbitData", "OrbitZeroProblem"]
+__all__ = ["OrbitZeroProblem"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -68,20 +69,6 @@ _ONE = 1e-5  # distance of a multiplier from 1 up to which the orbit may be one 
 _SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
 _SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
 _CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
-
-
-@dataclass(frozen=True)
-class OrbitData:
-    """Data of a point of a branch."""
-
-    survey: Survey  # dense survey of the orbit
-    multipliers: NDArray[np.complex128]  # shape (states,): Floquet multipliers, largest first
-    unstable: int  # number of unstable multipliers
-    # multipliers without the trivial one, each at the index of its predecessor at the point before
-    followed: tuple[complex, ...] = ()
-    behind: tuple[float, tuple[complex, ...]] | None = None  # arclength from the point before, and its own of these
-    # the same beside the point: the arclength to there, and the values, in any order
-    beside: tuple[float, NDArray[np.complex128]] | None = None
 
 
 class OrbitZeroProblem:
@@ -263,10 +250,18 @@ class OrbitZeroProblem:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
             monitors[name], fault, self._crossed = ends[1], None, way.real
-        single: frozenset[Monitor] = frozenset()
+        several = None
         if fault is None and not self.neutral:
-            fault, single, data = searched(self, before, point, data)
-        return Examined(monitors, fault, data, doubled_by(followed), single)
+            several, data = searched(self._spectrum, before, point, data)
+            problem.set_parameters(point.u)
+            fault = DOUBT if several else None
+        single = [name for name in monitors if name.kind in ("PD", "BP", "TR")] if several is False else []
+        return Examined(monitors, fault, data, doubled_by(followed), frozenset(single))
+
+    def _spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the multipliers without the trivial one at unknowns near the branch."""
+        values = multipliers(self.problem, u, self.own(self.evaluate(u)[1]))
+        return nontrivial(values, autonomous=self._autonomous)
 
     def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
         """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.

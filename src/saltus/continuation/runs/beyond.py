@@ -15,7 +15,8 @@ from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, 
 from saltus.continuation.problems.beside import seen_beside
 from saltus.continuation.problems.ends.unbounded import period_of
 from saltus.continuation.problems.grazing import Neighbour
-from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
+from saltus.continuation.problems.orbit import OrbitZeroProblem
+from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.runs.two_sided import turned
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided

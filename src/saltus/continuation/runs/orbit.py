@@ -28,7 +28,8 @@ from saltus.continuation.problems.ends.unbounded import (
     vanishes_at_last,
 )
 from saltus.continuation.problems.grazing import Neighbour, neighbour
-from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
+from saltus.continuation.problems.orbit import OrbitZeroProblem
+from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs import beyond
@@ -184,11 +185,10 @@ class OrbitRun(OneParameterRun):
             name: _TOUCHING if at_grazing(name) and abs(value) < SAME * SAME else value
             for name, value in found.monitors.items()
         }
-        data: OrbitData = found.data
+        data = found.data
         if any(value == _TOUCHING and name.kind in ("duration", "rate") for name, value in monitors.items()):
-            # multipliers mean nothing at a grazing
             monitors = {name: value for name, value in monitors.items() if name.kind != "TR"}
-            data = replace(data, followed=())
+            data = replace(data, followed=())  # multipliers mean nothing at a grazing
         point.examined = replace(found, monitors=monitors, data=data)
         return branch, point
 

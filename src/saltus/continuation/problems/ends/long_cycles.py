@@ -14,7 +14,8 @@ from saltus.continuation.core.interest import Interest
 from saltus.continuation.core.zero_problem import Examined, Point
 from saltus.continuation.problems.ends.homoclinic_problem import Arc, at_rest, pieces_of, solved
 from saltus.continuation.problems.guards import residual_fault
-from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
+from saltus.continuation.problems.orbit import OrbitZeroProblem
+from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
 
 if TYPE_CHECKING:

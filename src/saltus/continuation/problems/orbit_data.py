@@ -1,0 +1,28 @@
+"""What is known of a point of a branch of orbits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from saltus.orbits.signature import Survey
+
+__all__ = ["OrbitData"]
+
+
+@dataclass(frozen=True)
+class OrbitData:
+    """Data of a point of a branch."""
+
+    survey: Survey  # dense survey of the orbit
+    multipliers: NDArray[np.complex128]  # shape (states,): Floquet multipliers, largest first
+    unstable: int  # number of unstable multipliers
+    # multipliers without the trivial one, each at the index of its predecessor at the point before
+    followed: tuple[complex, ...] = ()
+    behind: tuple[float, tuple[complex, ...]] | None = None  # arclength from the point before, and its own of these
+    # the same at a place nearby: the arclength to there, and the values, in any order
+    beside: tuple[float, NDArray[np.complex128]] | None = None
