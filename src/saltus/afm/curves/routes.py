@@ -24,7 +24,7 @@ from saltus.orbits import PeriodicOrbit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "is_pulled_in", "ways_of"]
+__all__ = ["Landing", "Way", "is_pulled_in", "keep_landings", "ways_of"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
 _WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
@@ -260,11 +260,22 @@ def _settled(branch: Branch, value: float, before: PeriodicOrbit, span: float) -
     A branch keeps what was found, as the ways of a curve are sought again after each new sheet.
     """
     scale = math.copysign(min(abs(span), _scale(branch, before)), span)
-    known: dict[tuple[float, float, bytes], Landing | str] = vars(branch).setdefault("_landings", {})
+    known = _landings(branch)
     asked = (value, scale, before.x0.tobytes())
     if asked not in known:
         known[asked] = _settled_beyond(branch, value, before, scale)
     return known[asked]
+
+
+def _landings(branch: Branch) -> dict[tuple[float, float, bytes], Landing | str]:
+    """Return where motions settle beyond the ends of a branch's stretches, as far as it is known."""
+    known: dict[tuple[float, float, bytes], Landing | str] = vars(branch).setdefault("_landings", {})
+    return known
+
+
+def keep_landings(part: Branch, branch: Branch) -> None:
+    """Keep what is known of a part of a branch for the branch; what is asked of both is the same to the last bit."""
+    _landings(branch).update(_landings(part))
 
 
 def _settled_beyond(branch: Branch, value: float, before: PeriodicOrbit, scale: float) -> Landing | str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.afm.curves.curve import Curve
-from saltus.afm.curves.routes import Landing, is_pulled_in, ways_of
+from saltus.afm.curves.routes import Landing, is_pulled_in, keep_landings, ways_of
 from saltus.afm.models.parts import driven_mode, parts_of
 from saltus.afm.models.readings import drives_of, turns_of
 from saltus.afm.models.settling import (
@@ -287,6 +287,9 @@ def _sheet(start: PeriodicOrbit, how: Tracing) -> Branch:
         folds = first.special_points.of_type("SN")
         if not folds or any(is_pulled_in(first, fold, bounds) for fold in folds):
             return first
+        sheet = whole(continue_orbit(start, along, bounds, steps=steps, progress=progress))
+        keep_landings(first, sheet)
+        return sheet
     return whole(continue_orbit(start, along, bounds, steps=steps, progress=progress))
 
 

@@ -39,8 +39,9 @@ _MOST = 200_000.0  # periods after which a motion is given up, at the most
 _KEPT = 3000  # periods of which the kind of a motion without a period is told, at the most
 _BATCH = 40  # periods after which a motion is first looked at
 _LONGER = 1.5  # periods until it is looked at again, over those before
-_AGAIN = 2.0  # periods over those of patience, as the Poincare map takes little time
+_AGAIN = 3.0  # periods over those of patience, as the Poincare map takes little time
 _TOLERANCE = (1e-7, 1e-9)  # of steps on the way; the orbit is solved for anew
+_UNSETTLED = "the motion is quasi-periodic or chaotic, or its period is above 16, or it settles slowly"
 _TURNS = 16  # periods of the longest orbit that is looked for
 _CLOSE = (
     1e-2  # distance of returns from those of an orbit, in the states' sizes, to which a motion comes that settles on it
@@ -156,6 +157,7 @@ def settled_orbit(
     p, x = system.parameter_vector(parameters), system.full_state(x0)
     here = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     near, done, batch, longest = _NEAR, 0, _BATCH, min(_AGAIN * patience, _MOST)
+    gap, failure = math.inf, ""
     while True:
         seen = iterate(system, p, x, here, discard=batch, keep=2 * _TURNS + 1, tolerance=_TOLERANCE)
         x, here, states = seen.x_end, seen.mode_end, seen.states[:, :-1]
@@ -166,11 +168,15 @@ def settled_orbit(
             if _approaches(states, section, sizes):
                 return orbit
         if done >= longest:
-            return find_orbit(system, parameters, x, mode=system.mode_names[here], settle=patience)
-        if (gap := _recurrence(states, sizes)) < near:
-            near = _NEARER * gap
-            with suppress(ConvergenceError, StiffnessError):  # it has not settled yet
-                return find_orbit(system, parameters, x, mode=system.mode_names[here], settle=1.0)
+            raise ConvergenceError("periodic attractor", gap, done, failure or _UNSETTLED, unit="forcing periods")
+        gap = min(gap, now := _recurrence(states, sizes))
+        if now < near:
+            near = _NEARER * now
+            with suppress(StiffnessError):
+                try:
+                    return find_orbit(system, parameters, x, mode=system.mode_names[here], settle=1.0)
+                except ConvergenceError as error:
+                    failure = str(error.args[3])  # it has not settled yet; where it never does, this is told
 
 
 def _sizes(system: HybridSystem, parameters: Mapping[str, float], states: NDArray[np.float64]) -> NDArray[np.float64]:
