@@ -24,7 +24,7 @@ from saltus.orbits import PeriodicOrbit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "is_pulled_in", "keep_landings", "ways_of"]
+__all__ = ["Landing", "Way", "is_pulled_in", "keep_landings", "landing_beyond", "ways_of"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
 _WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
@@ -302,10 +302,16 @@ def _scale(branch: Branch, orbit: PeriodicOrbit) -> float:
 
 def is_pulled_in(branch: Branch, fold: SpecialPoint, bounds: tuple[float, float]) -> bool:
     """Return whether motions beyond a fold at which a branch ends stay in contact."""
+    landed = landing_beyond(branch, fold, bounds)
+    return landed is not None and stays_in_contact(landed)
+
+
+def landing_beyond(branch: Branch, fold: SpecialPoint, bounds: tuple[float, float]) -> PeriodicOrbit | None:
+    """Return the orbit on which motions beyond a fold settle at which a branch ends; None where they settle on none."""
     value, (low, high) = fold.value(branch.parameter), bounds
     outwards = 1.0 if value >= float(branch.values.max()) else -1.0
     landing = _settled(branch, value, fold.orbit, outwards * (high - low))
-    return isinstance(landing, Landing) and stays_in_contact(landing.after)
+    return landing.after if isinstance(landing, Landing) else None
 
 
 def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:

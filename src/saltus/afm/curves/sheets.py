@@ -42,6 +42,7 @@ __all__ = [
     "CLEAR",
     "CLEAR_NM",
     "STEPS",
+    "UNSTABLE_FROM",
     "Tracing",
     "free_amplitude",
     "free_orbit",
@@ -59,7 +60,7 @@ _EIGHTHS = 8  # parts of the range, between which a motion is followed where no 
 _TOUCHING = 1.2  # distance up to which a tip may touch, over the free amplitude
 _DEEPEST = 2.0  # depth of indentation down to which a rest in contact is looked for, over the distance
 _LONGEST = 4  # turns of the phase in the period of a motion whose sheet is followed, at most
-_UNSTABLE_FROM = ("SN", "PD", "TR", "BP")  # special points at which a branch's motions may lose their stability
+UNSTABLE_FROM = ("SN", "PD", "TR", "BP")  # special points at which a branch's motions may lose their stability
 STEPS = StepControl(pieces=32)  # steps where none are given; motions of more pieces are saddles, far from any motion
 CLEAR_NM = 20.0  # least gap of the far start, in nm
 _SHARES = (0.15, 0.3, 0.45)  # distances at which motions start, over the free amplitude
@@ -281,7 +282,7 @@ def _sheet(start: PeriodicOrbit, how: Tracing) -> Branch:
     along, bounds, given, progress = how
     steps = given or STEPS
     if start.form.turns > 1 or (along == "Zc_nm" and stays_in_contact(start)):
-        return whole(continue_orbit(start, along, bounds, steps=steps, stop_at=_UNSTABLE_FROM, progress=progress))
+        return whole(continue_orbit(start, along, bounds, steps=steps, stop_at=UNSTABLE_FROM, progress=progress))
     if along != "Zc_nm" or not _has_rest(start, bounds[0]):
         first = whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
         folds = first.special_points.of_type("SN")
