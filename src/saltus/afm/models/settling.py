@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus.afm.probe.units import suffix
 from saltus.errors import ConvergenceError, SaltusError, StiffnessError, shortened
-from saltus.flow.poincare import iterate
+from saltus.flow.poincare import PoincareReturns, iterate
 from saltus.flow.starting import starting_mode
 from saltus.flow.taylor import ORDER
 from saltus.orbits import PeriodicOrbit, find_orbit
@@ -27,6 +27,7 @@ __all__ = [
     "described",
     "periods_of_decay",
     "periods_of_patience",
+    "recurs",
     "settled",
     "settled_orbit",
     "starts_about",
@@ -198,9 +199,15 @@ def _approaches(states: NDArray[np.float64], section: NDArray[np.float64], sizes
     return after < _CLOSE and (after < before or after < _NEAR)
 
 
-def _recurrence(states: NDArray[np.float64], sizes: NDArray[np.float64]) -> float:
+def recurs(system: HybridSystem, parameters: Mapping[str, float], seen: PoincareReturns, longest: int) -> bool:
+    """Return whether the returns of a motion at phase 0 recur after that many periods of the drive, at the most."""
+    states = seen.states[:, :-1]
+    return _recurrence(states, _sizes(system, parameters, states), longest) < _NEAR
+
+
+def _recurrence(states: NDArray[np.float64], sizes: NDArray[np.float64], longest: int = _TURNS) -> float:
     """Return by how much returns of a motion, shape (return, states), miss those some turns before, at the least."""
-    return min(float((np.abs(states[turns:] - states[:-turns]) / sizes).max()) for turns in range(1, _TURNS + 1))
+    return min(float((np.abs(states[turns:] - states[:-turns]) / sizes).max()) for turns in range(1, longest + 1))
 
 
 def periods_of_patience(parameters: Mapping[str, float]) -> float:
