@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from saltus import checks
 from saltus.afm.curves.curve import Curve
-from saltus.afm.curves.routes import landing_beyond
+from saltus.afm.curves.routes import Asked, Landing
 from saltus.afm.curves.sheets import (
     CLEAR,
     CLEAR_NM,
@@ -223,7 +223,8 @@ def _from_afar(
     branch = whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down", stop_at="SN"))
     folds = branch.special_points.of_type("SN")
     if folds:
-        landed = landing_beyond(branch, folds[0], (Zc_nm, far))
+        landing = Asked.beyond("Zc_nm", folds[0].orbit, Zc_nm - far).landing(folds[0].orbit)
+        landed = landing.after if isinstance(landing, Landing) else None
         if landed is not None and stays_in_contact(landed):
             return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, folds[0].orbit.x0, settle=patience),)
         if landed is not None and (found := _followed_down(landed, Zc_nm, far, steps)) is not None:

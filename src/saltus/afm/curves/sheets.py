@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.afm.curves.curve import Curve
-from saltus.afm.curves.routes import Landing, is_pulled_in, keep_landings, ways_of
+from saltus.afm.curves.routes import Asked, Landing, landings_of, ways_of
 from saltus.afm.models.parts import driven_mode, parts_of
 from saltus.afm.models.readings import drives_of, turns_of
 from saltus.afm.models.settling import (
@@ -24,6 +24,7 @@ from saltus.afm.models.settling import (
 )
 from saltus.afm.probe.units import suffix
 from saltus.continuation import Branch, StepControl, continue_orbit
+from saltus.continuation.branches import continue_until
 from saltus.continuation.many.retracing import is_on, orbits_at
 from saltus.continuation.many.way import is_interrupted
 from saltus.continuation.results.sheets import stretches_of
@@ -284,14 +285,30 @@ def _sheet(start: PeriodicOrbit, how: Tracing) -> Branch:
     if start.form.turns > 1 or (along == "Zc_nm" and stays_in_contact(start)):
         return whole(continue_orbit(start, along, bounds, steps=steps, stop_at=UNSTABLE_FROM, progress=progress))
     if along != "Zc_nm" or not _has_rest(start, bounds[0]):
-        first = whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
-        folds = first.special_points.of_type("SN")
-        if not folds or any(is_pulled_in(first, fold, bounds) for fold in folds):
-            return first
-        sheet = whole(continue_orbit(start, along, bounds, steps=steps, progress=progress))
-        keep_landings(first, sheet)
-        return sheet
+        return _over_folds(start, how, steps)
     return whole(continue_orbit(start, along, bounds, steps=steps, progress=progress))
+
+
+def _over_folds(start: PeriodicOrbit, how: Tracing, steps: StepControl) -> Branch:
+    """Return the branch through a motion; both its directions end at their first folds if one is the static pull-in."""
+    along, bounds, _, progress = how
+    known: dict[Asked, Landing | str] = {}
+    pulled: dict[float, bool] = {}  # of each direction that has come to a fold
+
+    def until(fold: PeriodicOrbit, way: float) -> bool:
+        if way not in pulled and not any(pulled.values()):
+            asked = Asked.beyond(along, fold, way * (bounds[1] - bounds[0]))
+            known[asked] = landing = asked.landing(fold)
+            pulled[way] = isinstance(landing, Landing) and stays_in_contact(landing.after)
+        return any(pulled.values())
+
+    sheet = whole(continue_until(start, along, bounds, until, steps=steps, progress=progress))
+    if pulled.get(1.0) and not pulled.get(-1.0, True):  # the direction that was followed first went over its fold
+        sheet = whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
+    elif not pulled or any(pulled.values()):
+        sheet = replace(sheet, options={**sheet.options, "stop_at": ["SN"]})
+    landings_of(sheet).update(known)
+    return sheet
 
 
 def sheet_again(start: PeriodicOrbit, known: Branch, how: Tracing) -> Branch:
