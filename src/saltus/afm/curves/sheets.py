@@ -81,7 +81,7 @@ class Tracing(NamedTuple):
 def traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, places: int) -> Curve:
     """Return the curve of the sheets through some motions, of those that jumps lead to, and of settled motions."""
     curve = reached(how, starts, of)
-    system, p, (low, high) = curve.system, curve.branches[0].solution(0).parameters, how.bounds
+    system, p, (low, high) = curve.system, curve.branches[0].parameters, how.bounds
     alike = _free_state(system, p) if how.along == "Zc_nm" else None
 
     def asked(curve: Curve, place: float) -> Curve:
@@ -102,7 +102,7 @@ def traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, place
 
 def _asked_places(curve: Curve, how: Tracing) -> list[float]:
     """Return where motions start: both ends and the middle, and places in the range that do not depend on it."""
-    (low, high), p = how.bounds, curve.branches[0].solution(0).parameters
+    (low, high), p = how.bounds, curve.branches[0].parameters
     free, end = free_amplitude(curve.system, p), suffix(driven_mode(curve.system))
     if how.along == "Zc_nm":
         begin, stop = max(low, 0.0), min(high, _TOUCHING * free)  # where a tip may touch and come off
@@ -159,7 +159,7 @@ def _place(landing: Landing, how: Tracing) -> tuple[float, float]:
 
 def _with_resonance(curve: Curve, how: Tracing) -> Curve:
     """Return a curve along a frequency whose range is beside the resonance, with the sheet that comes from there."""
-    p, (low, high) = curve.branches[0].solution(0).parameters, how.bounds
+    p, (low, high) = curve.branches[0].parameters, how.bounds
     f0 = p.get(f"f0_kHz{suffix(driven_mode(curve.system))}", low)
     if how.along != "f_kHz" or low <= f0 <= high:
         return curve
@@ -177,7 +177,7 @@ def _with_resonance(curve: Curve, how: Tracing) -> Curve:
 
 def _with_asked(curve: Curve, how: Tracing, place: float, starts: Sequence[_Start]) -> Curve:
     """Return a curve with the sheets of motions that settle at a place, and in words what the others do."""
-    system, parameters = curve.system, {**curve.branches[0].solution(0).parameters, how.along: place}
+    system, parameters = curve.system, {**curve.branches[0].parameters, how.along: place}
     here = [orbit for branch in curve.branches for orbit in orbits_at(branch, place)]
     known = [Known.of(orbit) for orbit in here if orbit.stable and orbit.admissible]
     told = []
