@@ -1,8 +1,8 @@
 """Fits of four parameters to noisy tuning curves: the same optimum from all starts, coverage of errors, times; lmfit's.
 
-`python benchmarks/bench_fit.py [--seeds 0 1 ...] [--peer 0 ...] [--coverage 100] [--first 0]`. Without options: seeds 0
-to 9 from three starts each, lmfit on seeds 0 and 1, and 100 data sets for the coverage. Processor time stands beside
-wall time, since machines are shared.
+`python benchmarks/bench_fit.py [--seeds 0 1 ...] [--peer 0 ...] [--coverage 100] [--first 0] [--eighty 0 ...]`. Without
+options: seeds 0 to 9 from three starts each, lmfit on seeds 0 and 1, 100 data sets for the coverage, and 80 data.
+Processor time stands beside wall time, since machines are shared.
 """
 
 from __future__ import annotations
@@ -163,21 +163,61 @@ def coverage(count: int, first: int) -> None:
         )
 
 
+def on_ways(along: str, bounds: tuple[float, float], places: np.ndarray) -> dict[str, list]:
+    """Readings of the elastic model on both ways of a curve."""
+    curve = (afm.distance_curve if along == "Zc_nm" else afm.frequency_curve)(elastic(TRUE), bounds)
+    table: dict[str, list] = {along: [], "amplitude_nm": [], "lag_deg": [], "direction": []}
+    for way in curve.directions:
+        path = curve.path(way).sortby(along)
+        for place in places:
+            swept = np.interp(place, path[along], path.amplitude_nm)
+            stable = [afm.observables(orbit) for orbit in curve.at(place) if orbit.stable]
+            seen = min(stable, key=lambda one, swept=swept: abs(one["amplitude_nm"] - swept))
+            row = {along: place, "direction": way} | {name: seen[name] for name in SIGMA}
+            for name, column in table.items():
+                column.append(row[name])
+    return table
+
+
+def elastic(values):
+    """Lever S over a sample without losses."""
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=values["H_aJ"], a0_nm=0.3) + afm.DMT(E_GPa=values["E_GPa"])
+    return afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=TRUE["Zc_nm"])
+
+
+def eighty(seeds: list[int]) -> None:
+    """Fit two unknowns to 80 data of a distance curve and of a frequency curve, jumps included."""
+    sigma, vary = {"amplitude_nm": 0.05, "lag_deg": 0.5}, {name: VARY[name] for name in ("H_aJ", "E_GPa")}
+    start = elastic({"H_aJ": 0.7 * TRUE["H_aJ"], "E_GPa": 1.35 * TRUE["E_GPa"]})
+    for along, bounds, low, high in (("Zc_nm", (5.0, 14.0), 6.0, 13.0), ("f_kHz", (297.5, 302.5), 298.0, 302.0)):
+        clean = on_ways(along, bounds, np.linspace(low, high, 20))
+        for seed in seeds:
+            noise = np.random.default_rng(seed)
+            data = clean | {name: np.array(clean[name]) + noise.normal(0.0, own, 40) for name, own in sigma.items()}
+            found, took = timed(lambda data=data: afm.fit(data, start, vary, sigma))
+            told = ", ".join(f"{name} {found[name]:.4f} +- {found.errors[name]:.4f}" for name in vary)
+            curves, chi2 = found.evaluations, found.chi2_per_datum
+            print(f"eighty, {along}, seed {seed}: {took}, {curves} curves, chi2/n {chi2:.3f}, {told}", flush=True)
+
+
 def main() -> None:
     """Print the tables of benchmarks/README.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="*", help="data sets that are fitted from three starts")
     parser.add_argument("--peer", type=int, nargs="*", help="data sets that lmfit fits, too")
     parser.add_argument("--coverage", type=int, help="data sets for the coverage")
+    parser.add_argument("--eighty", type=int, nargs="*", help="seeds of 80 data on a distance and a frequency curve")
     parser.add_argument("--first", type=int, default=1000, help="seed of the first of them")
     given = parser.parse_args()
     warnings.simplefilter("always")
     print(machine())
-    if given.seeds is None and given.peer is None and given.coverage is None:
-        given.seeds, given.peer, given.coverage = list(range(10)), [0, 1], 100
+    if all(one is None for one in (given.seeds, given.peer, given.coverage, given.eighty)):
+        given.seeds, given.peer, given.coverage, given.eighty = list(range(10)), [0, 1], 100, [0, 1, 2]
     yardstick(given.seeds or [])
     peer(given.peer or [])
     coverage(given.coverage or 0, given.first)
+    eighty(given.eighty or [])
 
 
 if __name__ == "__main__":

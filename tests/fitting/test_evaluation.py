@@ -111,6 +111,21 @@ def test_data_at_one_place_are_solved_once(linear):
 # sheets and their ends
 
 
+def test_orbits_decide_where_interpolation_between_points_is_wrong(folded, folds):
+    """Of data next to the middle between two sheets, those below belong to the lower one and those above to the other.
+
+    The interpolated middle lies elsewhere at each of these places, by more than the data are away from the exact one.
+    """
+    w = np.linspace(*folds, 9)[1:-1]
+    stable = np.array([sorted(orbit.max["x"] for orbit in folded.at(place) if orbit.stable) for place in w])
+    middle = stable.mean(axis=1)
+    data = {"w": np.repeat(w, 2), "max(x)": (middle[:, None] + [-1e-6, 1e-6]).ravel()}
+    found = evaluated(folded, data, {"max(x)": 1.0})
+    near = np.abs(data["max(x)"][:, None] - np.repeat(stable, 2, axis=0)).min(axis=1)
+    assert np.abs(found.residuals) == pytest.approx(near, abs=1e-9)
+    assert np.count_nonzero(np.abs(np.abs(found.rough) - near) > 1e-5) > 7
+
+
 def test_each_datum_belongs_to_the_nearest_of_two_sheets(folded, folds):
     w = 0.5 * sum(folds)
     stable = sorted(orbit.max["x"] for orbit in folded.at(w) if orbit.stable)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, overload
 
 from saltus import checks
@@ -23,7 +23,7 @@ from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Report, Reporter
 
-__all__ = ["continue_branch", "continue_equilibrium", "continue_orbit"]
+__all__ = ["continue_branch", "continue_equilibrium", "continue_orbit", "continue_until"]
 
 _KINDS = (QuantityRun, EquilibriumRun, MapRun)  # each is registered with `branch_run` where it is defined
 
@@ -240,6 +240,67 @@ def continue_branch(
     >>> print(f"{abs(branch['SN1'].parameters['a']):.6f}")
     0.000000
     """
+    asked = directions, stop_at, events
+    return _branch(start, parameter, bounds, steps, progress, asked)
+
+
+def continue_until(
+    start: PeriodicOrbit,
+    parameter: str,
+    bounds: tuple[float, float],
+    until: Callable[[PeriodicOrbit, float], bool],
+    *,
+    steps: StepControl | None = None,
+    progress: bool | Report = False,
+) -> Branch:
+    """Return the branch through an orbit, in both directions, which ends at the folds that a function chooses.
+
+    Parameters
+    ----------
+    start, parameter, bounds, steps, progress
+        As `continue_orbit` takes them.
+    until : callable
+        Whether the branch ends at a fold. It is given the orbit there, and -1.0 or 1.0: the sign of the parameter's
+        change at the start of this direction. Falling values are followed first.
+
+    Returns
+    -------
+    Branch
+
+    Raises
+    ------
+    InputError
+        A name, bounds or an option that cannot be used.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, find_orbit
+    >>> duffing = HybridSystem.smooth(
+    ...     {"x": "v", "v": "A*cos(s) - 0.1*v - x - x**3"}, {"A": 0.3, "w": 1.0}, phase=("s", "w")
+    ... )
+    >>> folds = []
+    >>> def first(orbit, sign):
+    ...     folds.append((sign, orbit.parameters["w"]))
+    ...     return True
+    >>> branch = continue_until(find_orbit(duffing, x0=[0.0, 0.0]), "w", (0.8, 2.0), first)
+    >>> [(sign, round(w, 4)) for sign, w in folds], [point.type for point in branch.special_points]
+    ([(1.0, 1.7797)], ['SN'])
+    """
+    branch: Branch = _branch(start, parameter, bounds, steps, progress, ("both", (), None), until)
+    return branch
+
+
+def _branch(
+    start: Any,
+    parameter: str,
+    bounds: tuple[float, float],
+    steps: StepControl | None,
+    progress: bool | Report,
+    asked: tuple[str, str | Iterable[str], Mapping[str, float | str] | None],
+    until: Callable[[Any, float], bool] | None = None,
+) -> Any:
+    """Return the branch through a solution; `asked` are directions, types at which it ends, and events."""
+    directions, stop_at, events = asked
     control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
     reporter = Reporter(progress)
     kind = branch_run(start, parameter)
@@ -248,6 +309,6 @@ def continue_branch(
     unit = unit_of(low, high, value)
     interest = Interest(low / unit, high / unit, unit, kind.wanted(start, parameter, events))
     stops = read_stops(stop_at, [*kind.types, *asked_types(events)])
-    run = kind(start, parameter, interest, Asked(control, directions, stops, reporter))
+    run = kind(start, parameter, interest, Asked(control, directions, stops, reporter, until))
     with one_thread(len(start.system.states)):
         return run.branch(run.options([low, high], events))

@@ -1,7 +1,8 @@
 """Data against a model: which sheet each datum lies on, residuals, and their derivatives.
 
-A datum belongs to the nearest stable sheet, by its residuals. Beyond the end of a sheet the datum is compared with the
-sheet's last orbits, which move as the end does: by the chain rule, y'(p) + y'(x) x_end'(p).
+A datum belongs to the nearest stable sheet, by its residuals. Interpolated ones choose where they are sure. Beyond the
+end of a sheet the datum is compared with the sheet's last orbits, which move as the end does: by the chain rule,
+y'(p) + y'(x) x_end'(p).
 
 A drift gives each datum parameters of its own. Its orbit is solved there, from one that lies alike between the ends of
 its sheet. Where the sheet ends, observables are linear in the drift, as the ends are.
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Evaluation"]
 
+_UNSURE = 1.0  # distance of a datum from the nearest sheet, and one more standard error: others are as near
 _INSETS = (WITHIN, 1e-4, 1e-3)  # distances from an end, over the sheet's length, tried one after the other
 
 
@@ -54,8 +57,8 @@ class Evaluation:
         self._end_moves: dict[tuple[int, bool], float] = {}
 
     @cached_property
-    def _nearest(self) -> tuple[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]], NDArray[np.float64]]:
-        """Sheet, place and side of each datum, and the formulas interpolated there, shape (formula, datum)."""
+    def _compared(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        """Squared residuals, place and side of each datum on each sheet, (sheet, datum), and formulas interpolated."""
         x, drifts = self.measured.x + self.instrument.moved_by, self._drifts
         away, places, sides, interpolated = [], [], [], []
         for sheet in self.sheets:
@@ -63,11 +66,7 @@ class Evaluation:
             alike = self._without_drift(sheet, x, drifts)
             place = np.clip(alike, low, high)
             columns = np.array([sheet.column(formula, place) for formula in self.measured.formulas])
-            total = np.zeros(len(x))
-            for channel in self.measured.channels:
-                seen = columns[self._of(channel.formulas)]
-                gain = self.instrument.factor(channel.name)
-                total += (channel.residual(seen, np.arange(len(x)), gain) ** 2).sum(axis=0)
+            total = self._squares(columns, np.arange(len(x)))
             side = np.where(alike < low, -1, np.where(alike > high, 1, 0))
             open_end = ((side < 0) & (sheet.ends[0] is None)) | ((side > 0) & (sheet.ends[1] is None))
             away.append(np.where(open_end | ~np.isfinite(total), np.inf, total))
@@ -79,19 +78,40 @@ class Evaluation:
         if lost.any():
             what = f"stable sheet at {self.measured.along} = {x[lost][0]:.6g}"
             raise ConvergenceError(what, math.inf, 0, f"{lost.sum()} of {len(x)} data lie where no sheet is")
-        nearest, every = np.argmin(table, axis=0), np.arange(len(x))
-        chosen = nearest, np.array(places)[nearest, every], np.array(sides)[nearest, every]
-        return chosen, np.array(interpolated)[nearest, :, every].T
+        return table, np.array(places), np.array(sides), np.array(interpolated)
 
-    @property
+    def _squares(self, seen: NDArray[np.float64], data: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the sums of squared residuals of some data, for formulas of shape (formula, datum)."""
+        total = np.zeros(len(data))
+        for channel in self.measured.channels:
+            gain = self.instrument.factor(channel.name)
+            total += (channel.residual(seen[self._of(channel.formulas)], data, gain) ** 2).sum(axis=0)
+        return total
+
+    @cached_property
     def assigned(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
-        """Of each datum the sheet, the value at which the sheet is compared, and at which end: -1, 1, or 0 within."""
-        return self._nearest[0]
+        """Of each datum the sheet, the value at which the sheet is compared, and at which end: -1, 1, or 0 within.
+
+        Orbits decide between sheets of which interpolation does not tell the nearest.
+        """
+        table, places, sides, _ = self._compared
+        every, nearest = np.arange(table.shape[1]), np.argmin(table, axis=0)
+        unsure = np.sqrt(table) <= np.sqrt(table.min(axis=0)) + _UNSURE
+        x = self.measured.x + self.instrument.moved_by
+        for i in np.flatnonzero(unsure.sum(axis=0) > 1).tolist():
+            exact = {}
+            for k in np.flatnonzero(unsure[:, i]).tolist():
+                with suppress(ConvergenceError):  # next to an end there may be no orbit
+                    key = k, float(places[k, i]), int(sides[k, i]), float(x[i]), float(self._drifts[i])
+                    exact[k] = float(self._squares(self._observed(*key)[0][:, None], np.array([i]))[0])
+            nearest[i] = min(exact, key=exact.__getitem__, default=nearest[i])
+        return nearest, places[nearest, every], sides[nearest, every]
 
     @cached_property
     def rough(self) -> NDArray[np.float64]:
         """Residuals from observables interpolated between the branches' points: no orbit is solved for them."""
-        return self._residuals(self._nearest[1])
+        table, _, _, interpolated = self._compared
+        return self._residuals(interpolated[np.argmin(table, axis=0), :, np.arange(table.shape[1])].T)
 
     @property
     def _drifts(self) -> NDArray[np.float64]:

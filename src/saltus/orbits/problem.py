@@ -172,6 +172,11 @@ class OrbitProblem(Discretised):
         return None
 
     @property
+    def meshed(self) -> bool:
+        """Whether meshes have been made."""
+        return bool(self.mesh[0].size)
+
+    @property
     def common_scale(self) -> NDArray[np.float64]:
         """Sizes of the states, shape (n,), raised to those that they share where they meet surfaces together."""
         known = self._common

@@ -24,7 +24,8 @@ from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.pieces import in_pieces, solved_in_pieces
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import sizes_of_unknowns
-from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, Signature
+from saltus.orbits.regular_ends import settle_signature
+from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.winding import unwrapped
 from saltus.system import HybridSystem
@@ -35,10 +36,8 @@ if TYPE_CHECKING:
 
     from saltus.orbits.unfolding import UnfoldedEquations
 
-__all__ = ["check_fields", "check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
+__all__ = ["check_fields", "check_tol", "converge", "solve_orbit", "solve_unknowns"]
 
-_ON = 1e-8  # event function, over its variation with the states' sizes, up to which a state lies on the surface
-_ALONG = 1e-4  # part of a gradient across another one, over its length, up to which the two are parallel
 _PATIENCE = 40, 1e-3  # Newton steps, at most, and the least factor on one
 _STEP_ACCEPTED = 1e-11  # largest Newton step, over the unknowns' sizes, of a converged orbit
 _STEP_AT_ROUNDING = 1e-6  # the same where the residual is rounding
@@ -390,60 +389,3 @@ def _within_reach(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.f
         u[blocked * (problem.n + 1) + problem.n] *= 0.97
     hint = "the field is singular or the state diverges there"
     raise ConvergenceError("flow of a segment", math.inf, 0, hint)
-
-
-def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64]]:
-    """Return signature and unknowns, the longest segment first, with mean-rate ends where one starts on its event.
-
-    A segment that starts on the surface on which it ends has the trivial solution of zero length. That would make the
-    equations singular at a grazing (docs/theory/orbits.md). The longest segment keeps its event as its end.
-    """
-    signature, n = problem.signature, problem.n
-    blocks = u[: problem.size].reshape(problem.segments, n + 1).copy()
-    if signature.kinds[0] in (PHASE_END, CLOSED_END):
-        return signature, u
-    first = int(
-        np.argmax(blocks[:, n] >= (1.0 - 1e-6) * blocks[:, n].max())
-    )  # ties go to the first, whatever the rounding
-    if problem.system.phase is not None:
-        blocks[:first, n - 1] += 2.0 * math.pi * signature.turns
-    blocks = np.roll(blocks, -first, axis=0)
-    if problem.system.phase is not None:
-        blocks[:, n - 1] -= 2.0 * math.pi * math.floor(blocks[0, n - 1] / (2.0 * math.pi) + 1e-12)
-    modes = np.roll(signature.modes, -first)
-    transitions = np.roll(signature.transitions, -first)
-    kinds = [EVENT_END]
-    for i, block in enumerate(blocks[1:]):
-        laid = _laid_on(problem, u, (first + i) % problem.segments, np.ascontiguousarray(block[:n]))
-        kinds.append(MEAN_END if laid else EVENT_END)
-    chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
-    return chosen, blocks.ravel()
-
-
-def _laid_on(problem: OrbitProblem, u: NDArray[np.float64], segment: int, x: NDArray[np.float64]) -> bool:
-    """Return whether a segment's transition lays a motion, which goes on from x, on the surface of its next event.
-
-    A motion that leaves a sliding mode is on the surface of its next event, but not since the sliding mode's end says
-    so: that is a condition on the velocity. Slopes of the transition are those where the segment ends.
-    """
-    before, own = (int(problem.signature.transitions[(segment + k) % problem.segments]) for k in (0, 1))
-    n, compiled = problem.n, problem.system.compiled
-    height, last, moved = np.empty(2 + 2 * n), np.empty(2 + 2 * n), np.empty(n * n)
-    compiled.call("event_x", own, 0, x, problem.extended, height)
-    slope = height[2 : 2 + n] * problem.state_scale
-    size = float(np.linalg.norm(slope))
-    if not abs(height[0]) < _ON * float(np.abs(slope).sum()):
-        return False
-    apart = OrbitProblem(problem.system, problem.signature, problem.parameters_at(u), tol=problem.tol)
-    if apart.start(u) is not None:  # no flow that Newton's method could go on from either
-        return False
-    apart.survey(u)
-    arrived = apart.state_on(segment, 1.0)
-    compiled.call("event_x", before, 0, arrived, problem.extended, last)
-    compiled.call("reset_x", before, 0, arrived, problem.extended, moved)
-    through = (moved.reshape(n, n).T @ height[2 : 2 + n]) * problem.state_scale
-    other = last[2 : 2 + n] * problem.state_scale
-    reach = float(np.linalg.norm(through))
-    if reach < _ALONG * size:  # the reset alone lays motions on the surface
-        return True
-    return abs(float(through @ other)) > (1.0 - _ALONG) * reach * float(np.linalg.norm(other))

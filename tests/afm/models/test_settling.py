@@ -1,9 +1,11 @@
 """Where motions of a model settle, in words, and the sheets of a curve that are found by them."""
 
+import math
 import warnings
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import saltus
 from saltus import InputError, afm
@@ -53,11 +55,55 @@ def test_a_motion_that_is_lost_is_told_with_the_reason():
 
 @pytest.mark.campaign
 def test_a_way_says_what_the_motion_does_where_no_orbit_goes_on(necks):
-    """The free motion ends where the first neck forms, and a few necks a hundred periods follow."""
-    curve = afm.distance_curve(necks, (39.0, 45.0))
+    """The free motion ends where the first neck forms; behind it a neck forms in five periods or in more."""
+    curve = afm.distance_curve(necks, (39.6, 45.0))
     assert curve.ways[1].stopped == "Zc_nm = 45: the end of the range"
     assert curve.ways[0].stopped.startswith("Zc_nm = 40.9044689: the motion ")
     assert "no convergence" not in curve.ways[0].stopped
+
+
+def after_four_periods(p, x0):
+    """Return the state after four periods from phase 0 without a neck, by SciPy: one oscillator with vdW and necks."""
+    omega, period = 2e-3 * math.pi * p["f0_kHz"], 1e3 / p["f_kHz"]
+    t, x, wet = 0.0, np.array(x0[:2]), False
+    attraction, neck = p["H_aJ"] * p["R_nm"] / 6.0, 4.0 * math.pi * p["gamma_N_m"] * p["R_nm"]
+
+    def field(t, x):
+        gap = p["Zc_nm"] + x[0]
+        force = p["k_N_m"] * p["A0_nm"] / p["Q"] * math.cos(2e-3 * math.pi * p["f_kHz"] * t) - attraction / gap**2
+        force -= neck / (1.0 + gap / p["h_nm"]) ** 2 if wet else 0.0
+        return x[1], omega**2 * (force / p["k_N_m"] - x[0]) - omega / p["Q"] * x[1]
+
+    while t < 4.0 * period:
+
+        def switched(t, x, wet=wet):
+            return p["Zc_nm"] + x[0] - (p["off_nm"] if wet else p["on_nm"])
+
+        switched.terminal, switched.direction = True, 1.0 if wet else -1.0
+        part = solve_ivp(
+            field, (t, 4.0 * period), x, "DOP853", rtol=1e-10, atol=1e-12, max_step=period / 400, events=switched
+        )
+        t, x = part.t[-1], part.y[:, -1]
+        wet = wet != (part.status == 1)
+    return x
+
+
+@pytest.mark.campaign
+def test_a_way_goes_on_to_the_motion_with_a_neck_in_four_periods(necks):
+    """SciPy's motion repeats after four periods too, and comes nearer from starts beside it."""
+    curve = afm.distance_curve(necks, (39.0, 45.0))
+    (window,) = curve.ways[0].windows
+    (double,), end = curve.branches[1].special_points.of_type("PD"), curve.branches[1].special_points.of_type("GR")[0]
+    assert (window.begin, window.end) == pytest.approx((40.9044689, double.parameters["Zc_nm"]), abs=1e-6)
+    assert curve.ways[0].stopped.startswith(f"Zc_nm = {end.parameters['Zc_nm']:.9g}: the motion settles on no sheet")
+    (branch,) = (branch for branch in curve.branches if branch.solution(0).form.turns == 4)
+    (orbit,) = branch.at(39.3)
+    start, moves = orbit.x0[:2], 1e-5 * np.eye(2)
+    np.testing.assert_allclose(after_four_periods(orbit.parameters, start), start, rtol=0.0, atol=1e-6)
+    beside = [[after_four_periods(orbit.parameters, start + sign * move) for move in moves] for sign in (1.0, -1.0)]
+    multipliers = np.linalg.eigvals((np.array(beside[0]) - beside[1]).T / 2e-5)
+    np.testing.assert_allclose(np.abs(multipliers), np.abs(orbit.multipliers), rtol=1e-4)
+    assert np.abs(multipliers).max() < 1.0
 
 
 @pytest.mark.campaign

@@ -8,14 +8,25 @@ from typing import TYPE_CHECKING
 
 from saltus import checks
 from saltus.afm.curves.curve import Curve
-from saltus.afm.curves.routes import is_pulled_in
-from saltus.afm.curves.sheets import CLEAR, CLEAR_NM, STEPS, Tracing, free_amplitude, free_orbit, reached, traced, whole
+from saltus.afm.curves.routes import Asked, Landing
+from saltus.afm.curves.sheets import (
+    CLEAR,
+    CLEAR_NM,
+    STEPS,
+    UNSTABLE_FROM,
+    Tracing,
+    free_amplitude,
+    free_orbit,
+    reached,
+    traced,
+    whole,
+)
 from saltus.afm.models.modelling import frequency_of
 from saltus.afm.models.parts import driven_mode, parts_of
 from saltus.afm.models.readings import formulas
-from saltus.afm.models.settling import periods_of_patience, stays_in_contact
+from saltus.afm.models.settling import periods_of_patience, settled, stays_in_contact
 from saltus.afm.probe.units import check_changes, suffix
-from saltus.continuation import StepControl, continue_orbit
+from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.errors import ConvergenceError, InputError
 from saltus.linear_threads import one_thread
 from saltus.orbits import PeriodicOrbit, find_orbit
@@ -211,16 +222,37 @@ def _from_afar(
         return (start,)
     branch = whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down", stop_at="SN"))
     folds = branch.special_points.of_type("SN")
-    if folds and is_pulled_in(branch, folds[0], (Zc_nm, far)):
-        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, folds[0].orbit.x0, settle=patience),)
     if folds:
+        landing = Asked.beyond("Zc_nm", folds[0].orbit, Zc_nm - far).landing(folds[0].orbit)
+        landed = landing.after if isinstance(landing, Landing) else None
+        if landed is not None and stays_in_contact(landed):
+            return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, folds[0].orbit.x0, settle=patience),)
+        if landed is not None and (found := _followed_down(landed, Zc_nm, far, steps)) is not None:
+            return (found,)
         branch = whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down"))
-    end = float(branch.values.min())
-    if abs(end - Zc_nm) <= _ROUNDING * far:
-        return branch.at(end)
-    if end > Zc_nm:  # it ends where a hysteretic law is met: beyond, the motion is another
-        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.solution(-1).x0, settle=patience),)
-    return branch.at(Zc_nm)
+    if _comes_to(branch, Zc_nm):
+        return branch.at(max(float(branch.values.min()), Zc_nm))
+    # it ends where a hysteretic law is met: beyond, the motion is another
+    return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.solution(-1).x0, settle=patience),)
+
+
+def _comes_to(branch: Branch, Zc_nm: float) -> bool:
+    """Return whether a branch towards the sample comes to a distance, but for rounding."""
+    return float(branch.values.min()) - Zc_nm <= _ROUNDING * float(branch.values.max())
+
+
+def _followed_down(orbit: PeriodicOrbit, Zc_nm: float, far: float, steps: StepControl) -> PeriodicOrbit | None:
+    """Return the orbit at a distance to which a stable motion leads, towards the sample; None where it is not simple.
+
+    Where the motion loses its stability, it settles at the distance itself.
+    """
+    if orbit.parameters["Zc_nm"] <= Zc_nm:
+        return None
+    way = whole(continue_orbit(orbit, "Zc_nm", (Zc_nm, far), steps=steps, directions="down", stop_at=UNSTABLE_FROM))
+    if _comes_to(way, Zc_nm):
+        return way.at(max(float(way.values.min()), Zc_nm))[0]
+    found = settled(orbit.system, {**orbit.parameters, "Zc_nm": Zc_nm}, way.solution(-1).x0)
+    return None if isinstance(found, str) or found.form.turns > 1 else found
 
 
 def approach_jumps(

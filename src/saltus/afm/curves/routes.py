@@ -24,7 +24,7 @@ from saltus.orbits import PeriodicOrbit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "is_pulled_in", "ways_of"]
+__all__ = ["Asked", "Landing", "Way", "landings_of", "ways_of"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
 _WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
@@ -251,50 +251,58 @@ def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Land
     before, value = _end_of(branch, stretch, sign)
     if before is None:
         return f"{branch.parameter} = {value:.9g}: the orbit at its point cannot be found again"
-    return _settled(branch, value, before, sign * span)
-
-
-def _settled(branch: Branch, value: float, before: PeriodicOrbit, span: float) -> Landing | str:
-    """Return where a motion settles that starts beyond a value, in the direction of `span`, or what it does instead.
-
-    A branch keeps what was found, as the ways of a curve are sought again after each new sheet.
-    """
-    scale = math.copysign(min(abs(span), _scale(branch, before)), span)
-    known: dict[tuple[float, float, bytes], Landing | str] = vars(branch).setdefault("_landings", {})
-    asked = (value, scale, before.x0.tobytes())
+    asked, known = Asked.beyond(branch.parameter, before, sign * span, value), landings_of(branch)
     if asked not in known:
-        known[asked] = _settled_beyond(branch, value, before, scale)
+        known[asked] = asked.landing(before)
     return known[asked]
 
 
-def _settled_beyond(branch: Branch, value: float, before: PeriodicOrbit, scale: float) -> Landing | str:
-    told = ""
-    for share in _BEYOND:
-        beyond = {**before.parameters, branch.parameter: value + share * scale}
-        after = settled(branch.system, beyond, before.x0)
-        if not isinstance(after, str):
-            return Landing(value, before, after)
-        told = told or f"{branch.parameter} = {value:.9g}: {after}"
-    return told
+class Asked(NamedTuple):
+    """Where beyond the end of a stretch a motion is to settle."""
+
+    parameter: str
+    value: float  # the parameter at the end
+    scale: float  # over which difference of it motions change, with the sign of the way
+    x0: bytes  # the state at the end
+
+    @classmethod
+    def beyond(cls, parameter: str, before: PeriodicOrbit, span: float, value: float | None = None) -> Asked:
+        """Return where a motion is to settle beyond the last one, in the direction of `span`."""
+        value = before.parameters[parameter] if value is None else value
+        return cls(
+            parameter, value, math.copysign(min(abs(span), _scale(parameter, before)), span), before.x0.tobytes()
+        )
+
+    def landing(self, before: PeriodicOrbit) -> Landing | str:
+        """Return where a motion settles that starts beyond the last one, or what it does instead."""
+        told = ""
+        for share in _BEYOND:
+            beyond = {**before.parameters, self.parameter: self.value + share * self.scale}
+            after = settled(before.system, beyond, before.x0)
+            if not isinstance(after, str):
+                return Landing(self.value, before, after)
+            told = told or f"{self.parameter} = {self.value:.9g}: {after}"
+        return told
 
 
-def _scale(branch: Branch, orbit: PeriodicOrbit) -> float:
-    """Return over which difference of a branch's parameter motions change, however wide the range is.
+def landings_of(branch: Branch) -> dict[Asked, Landing | str]:
+    """Return where motions settle beyond the ends of a branch's stretches, as far as it is known.
+
+    A branch keeps this, as the ways of a curve are sought again after each new sheet.
+    """
+    known: dict[Asked, Landing | str] = vars(branch).setdefault("_landings", {})
+    return known
+
+
+def _scale(parameter: str, orbit: PeriodicOrbit) -> float:
+    """Return over which difference of a parameter motions change, however wide the range is.
 
     That is the size of the motion or the distance, or some widths of the resonance.
     """
-    p, name = orbit.parameters, branch.parameter
-    if name == "f_kHz":
+    p = orbit.parameters
+    if parameter == "f_kHz":
         return _WIDTHS * p["f_kHz"] / p[f"Q{suffix(driven_mode(orbit.system))}"]
-    return max(abs(p[name]), orbit.max["D_nm"] - orbit.min["D_nm"])
-
-
-def is_pulled_in(branch: Branch, fold: SpecialPoint, bounds: tuple[float, float]) -> bool:
-    """Return whether motions beyond a fold at which a branch ends stay in contact."""
-    value, (low, high) = fold.value(branch.parameter), bounds
-    outwards = 1.0 if value >= float(branch.values.max()) else -1.0
-    landing = _settled(branch, value, fold.orbit, outwards * (high - low))
-    return isinstance(landing, Landing) and stays_in_contact(landing.after)
+    return max(abs(p[parameter]), orbit.max["D_nm"] - orbit.min["D_nm"])
 
 
 def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
@@ -307,7 +315,7 @@ def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
 
 
 def _orbits_at(branch: Branch, value: float) -> tuple[PeriodicOrbit, ...]:
-    """Return the orbits of a branch at a value; a branch keeps them, as `_settled` does."""
+    """Return the orbits of a branch at a value; a branch keeps them, as `landings_of` does."""
     kept: dict[float, tuple[PeriodicOrbit, ...]] = vars(branch).setdefault("_orbits_at", {})
     if value not in kept:
         kept[value] = orbits_at(branch, value)

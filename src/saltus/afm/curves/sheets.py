@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.afm.curves.curve import Curve
-from saltus.afm.curves.routes import Landing, is_pulled_in, ways_of
+from saltus.afm.curves.routes import Asked, Landing, landings_of, ways_of
 from saltus.afm.models.parts import driven_mode, parts_of
 from saltus.afm.models.readings import drives_of, turns_of
 from saltus.afm.models.settling import (
@@ -24,6 +24,7 @@ from saltus.afm.models.settling import (
 )
 from saltus.afm.probe.units import suffix
 from saltus.continuation import Branch, StepControl, continue_orbit
+from saltus.continuation.branches import continue_until
 from saltus.continuation.many.retracing import is_on, orbits_at
 from saltus.continuation.many.way import is_interrupted
 from saltus.continuation.results.sheets import stretches_of
@@ -42,6 +43,7 @@ __all__ = [
     "CLEAR",
     "CLEAR_NM",
     "STEPS",
+    "UNSTABLE_FROM",
     "Tracing",
     "free_amplitude",
     "free_orbit",
@@ -59,7 +61,7 @@ _EIGHTHS = 8  # parts of the range, between which a motion is followed where no 
 _TOUCHING = 1.2  # distance up to which a tip may touch, over the free amplitude
 _DEEPEST = 2.0  # depth of indentation down to which a rest in contact is looked for, over the distance
 _LONGEST = 4  # turns of the phase in the period of a motion whose sheet is followed, at most
-_UNSTABLE_FROM = ("SN", "PD", "TR", "BP")  # special points at which a branch's motions may lose their stability
+UNSTABLE_FROM = ("SN", "PD", "TR", "BP")  # special points at which a branch's motions may lose their stability
 STEPS = StepControl(pieces=32)  # steps where none are given; motions of more pieces are saddles, far from any motion
 CLEAR_NM = 20.0  # least gap of the far start, in nm
 _SHARES = (0.15, 0.3, 0.45)  # distances at which motions start, over the free amplitude
@@ -79,7 +81,7 @@ class Tracing(NamedTuple):
 def traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, places: int) -> Curve:
     """Return the curve of the sheets through some motions, of those that jumps lead to, and of settled motions."""
     curve = reached(how, starts, of)
-    system, p, (low, high) = curve.system, curve.branches[0].solution(0).parameters, how.bounds
+    system, p, (low, high) = curve.system, curve.branches[0].parameters, how.bounds
     alike = _free_state(system, p) if how.along == "Zc_nm" else None
 
     def asked(curve: Curve, place: float) -> Curve:
@@ -100,7 +102,7 @@ def traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, place
 
 def _asked_places(curve: Curve, how: Tracing) -> list[float]:
     """Return where motions start: both ends and the middle, and places in the range that do not depend on it."""
-    (low, high), p = how.bounds, curve.branches[0].solution(0).parameters
+    (low, high), p = how.bounds, curve.branches[0].parameters
     free, end = free_amplitude(curve.system, p), suffix(driven_mode(curve.system))
     if how.along == "Zc_nm":
         begin, stop = max(low, 0.0), min(high, _TOUCHING * free)  # where a tip may touch and come off
@@ -157,7 +159,7 @@ def _place(landing: Landing, how: Tracing) -> tuple[float, float]:
 
 def _with_resonance(curve: Curve, how: Tracing) -> Curve:
     """Return a curve along a frequency whose range is beside the resonance, with the sheet that comes from there."""
-    p, (low, high) = curve.branches[0].solution(0).parameters, how.bounds
+    p, (low, high) = curve.branches[0].parameters, how.bounds
     f0 = p.get(f"f0_kHz{suffix(driven_mode(curve.system))}", low)
     if how.along != "f_kHz" or low <= f0 <= high:
         return curve
@@ -175,7 +177,7 @@ def _with_resonance(curve: Curve, how: Tracing) -> Curve:
 
 def _with_asked(curve: Curve, how: Tracing, place: float, starts: Sequence[_Start]) -> Curve:
     """Return a curve with the sheets of motions that settle at a place, and in words what the others do."""
-    system, parameters = curve.system, {**curve.branches[0].solution(0).parameters, how.along: place}
+    system, parameters = curve.system, {**curve.branches[0].parameters, how.along: place}
     here = [orbit for branch in curve.branches for orbit in orbits_at(branch, place)]
     known = [Known.of(orbit) for orbit in here if orbit.stable and orbit.admissible]
     told = []
@@ -281,13 +283,32 @@ def _sheet(start: PeriodicOrbit, how: Tracing) -> Branch:
     along, bounds, given, progress = how
     steps = given or STEPS
     if start.form.turns > 1 or (along == "Zc_nm" and stays_in_contact(start)):
-        return whole(continue_orbit(start, along, bounds, steps=steps, stop_at=_UNSTABLE_FROM, progress=progress))
+        return whole(continue_orbit(start, along, bounds, steps=steps, stop_at=UNSTABLE_FROM, progress=progress))
     if along != "Zc_nm" or not _has_rest(start, bounds[0]):
-        first = whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
-        folds = first.special_points.of_type("SN")
-        if not folds or any(is_pulled_in(first, fold, bounds) for fold in folds):
-            return first
+        return _over_folds(start, how, steps)
     return whole(continue_orbit(start, along, bounds, steps=steps, progress=progress))
+
+
+def _over_folds(start: PeriodicOrbit, how: Tracing, steps: StepControl) -> Branch:
+    """Return the branch through a motion; both its directions end at their first folds if one is the static pull-in."""
+    along, bounds, _, progress = how
+    known: dict[Asked, Landing | str] = {}
+    pulled: dict[float, bool] = {}  # of each direction that has come to a fold
+
+    def until(fold: PeriodicOrbit, way: float) -> bool:
+        if way not in pulled and not any(pulled.values()):
+            asked = Asked.beyond(along, fold, way * (bounds[1] - bounds[0]))
+            known[asked] = landing = asked.landing(fold)
+            pulled[way] = isinstance(landing, Landing) and stays_in_contact(landing.after)
+        return any(pulled.values())
+
+    sheet = whole(continue_until(start, along, bounds, until, steps=steps, progress=progress))
+    if pulled.get(1.0) and not pulled.get(-1.0, True):  # the direction that was followed first went over its fold
+        sheet = whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
+    elif not pulled or any(pulled.values()):
+        sheet = replace(sheet, options={**sheet.options, "stop_at": ["SN"]})
+    landings_of(sheet).update(known)
+    return sheet
 
 
 def sheet_again(start: PeriodicOrbit, known: Branch, how: Tracing) -> Branch:

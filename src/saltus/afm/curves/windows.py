@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from saltus.afm.models.settling import periods_of_decay
+from saltus.afm.models.settling import periods_of_decay, recurs
 from saltus.continuation import Branch
 from saltus.errors import SaltusError
+from saltus.flow.poincare import iterate
 from saltus.orbits import PeriodicOrbit, find_orbit
-from saltus.sweeps import SweepOptions, run_sweep
 
 __all__ = ["Window", "carried_on"]
 
@@ -19,6 +19,7 @@ _LARGEST = 0.025  # largest step, over the range
 _DISCARDED = 4.0  # periods at each place that are not looked at, over those in which a free motion falls to 1/e
 _FEWEST = 100  # periods at each place that are not looked at, at the least
 _KEPT = 100  # periods at each place in which a motion is to repeat
+_TOLERANCE = (1e-8, 1e-10)  # of steps; the orbit is solved for anew
 _TURNS = 4  # periods of the longest orbit that is found: sheets of longer ones are not followed
 
 
@@ -71,21 +72,21 @@ class _March(NamedTuple):
 def _motions(branch: Branch, value: float, before: PeriodicOrbit, end: float, span: float) -> Iterator[PeriodicOrbit]:
     system, name, parameters = branch.system, branch.parameter, before.parameters
     discarded = max(_FEWEST, int(_DISCARDED * periods_of_decay(parameters)))
-    x, mode = before.x0, before.segments[0].mode
+    x, mode = before.x0, system.mode_index(before.segments[0].mode)
+    longest = max(_TURNS, before.form.turns)
     for place in _places(value, end, span):
-        options = SweepOptions(mode=mode, discard=discarded, keep=_KEPT, workers=1)
-        held = {one: number for one, number in parameters.items() if one != name}
+        there = {**parameters, name: place}
         try:
-            motion = run_sweep(system, name, [place], parameters=held, x0=x, options=options).at(place)
+            seen = iterate(
+                system, system.parameter_vector(there), x, mode, discard=discarded, keep=_KEPT, tolerance=_TOLERANCE
+            )
         except SaltusError:
             return
-        if motion.reason:
-            return
-        x, mode = motion.state, motion.mode
-        if not 1 <= motion.period <= max(_TURNS, before.form.turns):
+        x, mode = seen.x_end, seen.mode_end
+        if not recurs(system, there, seen, longest):
             continue
         try:
-            yield find_orbit(system, {**parameters, name: place}, x, mode=mode, settle=1.0)
+            yield find_orbit(system, there, x, mode=system.mode_names[mode], settle=1.0)
         except SaltusError:
             continue
 

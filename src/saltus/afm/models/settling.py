@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus.afm.probe.units import suffix
 from saltus.errors import ConvergenceError, SaltusError, StiffnessError, shortened
-from saltus.flow.poincare import iterate
+from saltus.flow.poincare import PoincareReturns, iterate
 from saltus.flow.starting import starting_mode
 from saltus.flow.taylor import ORDER
 from saltus.orbits import PeriodicOrbit, find_orbit
@@ -27,6 +27,7 @@ __all__ = [
     "described",
     "periods_of_decay",
     "periods_of_patience",
+    "recurs",
     "settled",
     "settled_orbit",
     "starts_about",
@@ -39,8 +40,9 @@ _MOST = 200_000.0  # periods after which a motion is given up, at the most
 _KEPT = 3000  # periods of which the kind of a motion without a period is told, at the most
 _BATCH = 40  # periods after which a motion is first looked at
 _LONGER = 1.5  # periods until it is looked at again, over those before
-_AGAIN = 2.0  # periods over those of patience, as the Poincare map takes little time
+_AGAIN = 3.0  # periods over those of patience, as the Poincare map takes little time
 _TOLERANCE = (1e-7, 1e-9)  # of steps on the way; the orbit is solved for anew
+_UNSETTLED = "the motion is quasi-periodic or chaotic, or its period is above 16, or it settles slowly"
 _TURNS = 16  # periods of the longest orbit that is looked for
 _CLOSE = (
     1e-2  # distance of returns from those of an orbit, in the states' sizes, to which a motion comes that settles on it
@@ -156,6 +158,7 @@ def settled_orbit(
     p, x = system.parameter_vector(parameters), system.full_state(x0)
     here = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     near, done, batch, longest = _NEAR, 0, _BATCH, min(_AGAIN * patience, _MOST)
+    gap, failure = math.inf, ""
     while True:
         seen = iterate(system, p, x, here, discard=batch, keep=2 * _TURNS + 1, tolerance=_TOLERANCE)
         x, here, states = seen.x_end, seen.mode_end, seen.states[:, :-1]
@@ -166,11 +169,15 @@ def settled_orbit(
             if _approaches(states, section, sizes):
                 return orbit
         if done >= longest:
-            return find_orbit(system, parameters, x, mode=system.mode_names[here], settle=patience)
-        if (gap := _recurrence(states, sizes)) < near:
-            near = _NEARER * gap
-            with suppress(ConvergenceError, StiffnessError):  # it has not settled yet
-                return find_orbit(system, parameters, x, mode=system.mode_names[here], settle=1.0)
+            raise ConvergenceError("periodic attractor", gap, done, failure or _UNSETTLED, unit="forcing periods")
+        gap = min(gap, now := _recurrence(states, sizes))
+        if now < near:
+            near = _NEARER * now
+            with suppress(StiffnessError):
+                try:
+                    return find_orbit(system, parameters, x, mode=system.mode_names[here], settle=1.0)
+                except ConvergenceError as error:
+                    failure = str(error.args[3])  # it has not settled yet; where it never does, this is told
 
 
 def _sizes(system: HybridSystem, parameters: Mapping[str, float], states: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -192,9 +199,15 @@ def _approaches(states: NDArray[np.float64], section: NDArray[np.float64], sizes
     return after < _CLOSE and (after < before or after < _NEAR)
 
 
-def _recurrence(states: NDArray[np.float64], sizes: NDArray[np.float64]) -> float:
+def recurs(system: HybridSystem, parameters: Mapping[str, float], seen: PoincareReturns, longest: int) -> bool:
+    """Return whether the returns of a motion at phase 0 recur after that many periods of the drive, at the most."""
+    states = seen.states[:, :-1]
+    return _recurrence(states, _sizes(system, parameters, states), longest) < _NEAR
+
+
+def _recurrence(states: NDArray[np.float64], sizes: NDArray[np.float64], longest: int = _TURNS) -> float:
     """Return by how much returns of a motion, shape (return, states), miss those some turns before, at the least."""
-    return min(float((np.abs(states[turns:] - states[:-turns]) / sizes).max()) for turns in range(1, _TURNS + 1))
+    return min(float((np.abs(states[turns:] - states[:-turns]) / sizes).max()) for turns in range(1, longest + 1))
 
 
 def periods_of_patience(parameters: Mapping[str, float]) -> float:

@@ -12,8 +12,9 @@ from saltus.errors import SaltusError
 from saltus.flow.event_logs import events_after
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.settling import cycle_of
-from saltus.orbits.solve import settle_signature, solve_unknowns
+from saltus.orbits.solve import solve_unknowns
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,8 +17,8 @@ from saltus.continuation.problems.rows import Found, closed, gathered, joined
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.records import changes_nothing
+from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.signature import CLOSED_END, PHASE_END, TOUCH_END, WHOLE, Signature
-from saltus.orbits.solve import settle_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -163,8 +163,10 @@ class OneParameterRun(Run):
         return "EX", of, key if key in self.stops else "EX"
 
     def end_at(self, half: OneSide, piece: Any, point: Point, name: str) -> str | None:
-        """End a branch at a special point where `stop_at` has its type."""
-        return self.ends(half, piece, point, name) if name in self.stops else None
+        """End a branch at the special point found last where `stop_at` has its type, or where it is asked and ends."""
+        until, way = self.asked.until, math.copysign(1.0, float(half.first.tangent[-1]))
+        stops = name in self.stops or (name == "SN" and until is not None and until(half.specials[-1].solution, way))
+        return self.ends(half, piece, point, name) if stops else None
 
     def fields(self, joined: BothSides, options: dict[str, Any]) -> dict[str, Any]:
         """Return the fields that all branches have in common."""

@@ -31,6 +31,8 @@ class Asked:
     directions: str  # {"both", "up", "down"}: which way the parameter goes at the start
     stops: set[str]  # types of special points that end the curve
     reporter: Reporter  # who is told of each point
+    # whether a branch ends at a fold: given the solution there, and the sign of the parameter's way at the start
+    until: Callable[[Any, float], bool] | None = None
 
 
 class Run(ABC):
