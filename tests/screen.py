@@ -18,6 +18,7 @@ from typing import Any
 
 TOKEN = "a-token-of-tests"
 PATIENCE = 120_000  # milliseconds that a busy machine may need
+_FIELDS = "axis-[xy]|parameter-|start-|sweep-values"  # classes of fields
 _SERVER = "import sys; from saltus.cli import main; main(sys.argv[1:])"
 
 # where a place of a figure is on the screen
@@ -33,6 +34,13 @@ _COLUMN = """([name, glyph, column]) => {
   const document = Bokeh.documents.find(d => d.get_model_by_name(name) != null)
   const renderer = document.get_model_by_name(name).renderers.find(r => r.name == glyph)
   return Array.from(renderer.data_source.data[column])
+}"""
+
+# selects a solution, as a button in a list does
+_TAKE = """name => {
+  const document = Bokeh.documents.find(d => d.get_model_by_name('wishes') != null)
+  const wish = JSON.stringify(['take', name, null])
+  document.get_model_by_name('wishes').data = {wish: [wish], at: [`tidied ${Date.now()}`]}
 }"""
 
 # the text of a part of the page, whose content lies in a shadow tree
@@ -108,10 +116,11 @@ def apart(work: Callable[[], Any]) -> Any:
         return thread.submit(work).result()
 
 
-def closed(window) -> None:
-    """Close all pages of a window, and take back what it was allowed."""
+def closed(window, but: Screen | None = None) -> None:
+    """Close all pages of a window but one, and take back what it was allowed."""
     for page in window.pages:
-        page.close()
+        if but is None or page is not but.page:
+            page.close()
     window.clear_permissions()
 
 
@@ -188,3 +197,71 @@ class Screen:
         field.fill(value)
         field.press("Enter")
         field.blur()
+
+    @property
+    def results(self) -> list[str]:
+        """The names of the results in the list."""
+        return self.page.locator(".result b").all_inner_texts()
+
+    def rest(self) -> None:
+        """Stop all work, and wait until none is under way."""
+        stop = self.page.locator(".stop button")
+        while stop.is_visible():
+            stop.evaluate_all("all => all.filter(one => one.innerText == 'Stop').forEach(one => one.click())")
+            self.eventually(lambda: not stop.is_visible() or stop.inner_text() != "Stop")
+
+    def fields(self) -> dict[str, str]:
+        """Return what stands in the fields of axes, parameters and the start, by their class."""
+        found = {}
+        for field in self.page.locator(".axis-x, .axis-y, [class*=parameter-], [class*=start-], .sweep-values").all():
+            name = next((n for n in field.get_attribute("class").split() if re.match(_FIELDS, n)), None)
+            if name is not None and field.locator("input").count() == 1 and field.is_visible():
+                found[name] = field.locator("input").input_value()
+        return found
+
+
+class SharedPage:
+    """A page that tests show one after the other: it is tidied up where that is possible, else opened anew."""
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self.screen: Screen | None = None
+        self._of: tuple = ()
+
+    def shown(self, window, folder: Path) -> Screen:
+        """Return the page of a copy of a session in a window, as it was when it was opened."""
+        if self._of != (window, folder) or not self._tidied():
+            self.close()
+            copy = folder.with_name(f"{time.time_ns() % 16**12:012x}")
+            shutil.copytree(folder, copy)
+            self.screen, self._of = Screen(window.new_page(), self.address, f"&session={copy.name}"), (window, folder)
+            self.screen.wait("branch1")
+            self._url, self._results, self._fields = self.screen.page.url, self.screen.results, self.screen.fields()
+        assert self.screen is not None
+        self.screen.said.clear()
+        return self.screen
+
+    def close(self) -> None:
+        """Close the page, so that the next one is opened anew."""
+        if self.screen is not None:
+            self.screen.page.close()
+        self.screen, self._of = None, ()
+
+    def _tidied(self) -> bool:
+        """Bring the page back to what it showed first; return whether that is possible."""
+        screen = self.screen
+        if screen is None or screen.page.is_closed() or screen.page.url != self._url:
+            return False
+        screen.rest()
+        if (shown := screen.results)[: len(self._results)] != self._results:
+            return False
+        for name in reversed(shown[len(self._results) :]):
+            screen.page.click(".undo")
+            screen.page.wait_for_selector(f".result-{name}", state="detached")
+        for name in {name for name, text in screen.fields().items() if text != self._fields.get(name, text)}:
+            screen.fill(name, self._fields[name])
+        for tab in ("Orbit", "Results"):
+            screen.page.locator(".bk-tab", has_text=tab).first.click()
+        screen.page.evaluate(_TAKE, self._results[0])
+        screen.until("selected", self._results[0])
+        return True

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
-import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 
 import pytest
@@ -16,7 +14,7 @@ from saltus.explorer.application import Application
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Continue, FindEquilibrium, FindOrbit, Follow, Move, Place, Sweep, Switch
 from saltus.explorer.subjects import Subject, of_system
-from screen import Screen, browser, closed, served
+from screen import Screen, SharedPage, browser, closed, served
 from systems import ball_on_table as table
 
 
@@ -184,18 +182,31 @@ def windows(chromium):
     return window
 
 
+@pytest.fixture(scope="session")
+def shared(address) -> SharedPage:
+    """Return the page that tests share."""
+    return SharedPage(address)
+
+
 @pytest.fixture
-def window(windows):
+def window(windows, shared):
     """Return a window of a desk."""
     yield windows(1500, 900)
-    closed(windows(1500, 900))
+    closed(windows(1500, 900), shared.screen)
 
 
 @pytest.fixture
-def screen(window, address, kept) -> Screen:
+def own_page(shared) -> Iterator[None]:
+    """Let a test have a page that no other has changed, nor sees later."""
+    shared.close()
+    yield
+    shared.close()
+
+
+@pytest.fixture
+def screen(request, window, shared, kept) -> Iterator[Screen]:
     """Return a page that shows a copy of Fig. 3's session."""
-    folder = kept.folder.with_name(f"{time.time_ns() % 16**12:012x}")
-    shutil.copytree(kept.folder, folder)
-    shown = Screen(window.new_page(), address, f"&session={folder.name}")
-    shown.wait("branch1")
-    return shown
+    failed = request.session.testsfailed
+    yield shared.shown(window, kept.folder)
+    if request.session.testsfailed > failed:
+        shared.close()

@@ -1,8 +1,6 @@
 """The diagram, its list of points and its table in a real browser: axes, marks, pictures, keys, small windows."""
 
 import json
-import shutil
-import time
 from pathlib import Path
 
 import pytest
@@ -71,22 +69,20 @@ def oscillator(home, rests) -> Path:
 
 
 @pytest.fixture
-def opened(windows, address):
+def opened(request, windows, shared):
     """Return a function that shows a copy of a session in a window."""
-    used = []
+    used, failed = [], request.session.testsfailed
 
     def show(folder: Path, size: tuple[int, int] = DESK) -> Screen:
-        copy = folder.with_name(f"{time.time_ns() % 16**12:012x}")
-        shutil.copytree(folder, copy)
         used.append(windows(*size))
         used[-1].grant_permissions(["clipboard-read", "clipboard-write"])
-        screen = Screen(used[-1].new_page(), address, f"&session={copy.name}")
-        screen.wait("branch1")
-        return screen
+        return shared.shown(used[-1], folder)
 
     yield show
+    if request.session.testsfailed > failed:
+        shared.close()
     for window in used:
-        closed(window)
+        closed(window, shared.screen)
 
 
 def axis(screen: Screen, letter: str) -> str:
@@ -118,6 +114,7 @@ def tip(screen: Screen) -> str | None:
     )
 
 
+@pytest.mark.usefixtures("own_page")
 def test_continued_in_another_parameter_the_abscissa_is_this_parameter(opened, oscillator):
     screen = opened(oscillator)
     screen.page.select_option(".select-parameter select", "A")
@@ -186,6 +183,7 @@ def test_the_unit_circle_is_round_and_a_far_multiplier_is_an_arrow(opened, ball)
     assert max(map(abs, screen.column("multipliers", "arrows", "x")), default=0.0) < half
 
 
+@pytest.mark.usefixtures("own_page")
 def test_two_lists_never_name_one_parameter_and_an_emptied_bound_is_refused(opened, ball):
     screen = opened(ball)
     screen.page.mouse.click(*at_mark(screen, "branch1", "SN1"))
@@ -201,6 +199,7 @@ def test_two_lists_never_name_one_parameter_and_an_emptied_bound_is_refused(open
     assert screen.page.locator(".result-branch2").count() == 0
 
 
+@pytest.mark.usefixtures("own_page")
 def test_a_reload_keeps_parameters_and_bounds(opened, ball):
     screen = opened(ball)
     screen.page.select_option(".select-parameter select", "e")
@@ -331,6 +330,7 @@ def test_small_windows_show_the_diagram_first_and_cut_nothing(opened, ball, size
     assert screen.errors == []
 
 
+@pytest.mark.usefixtures("own_page")
 def test_notes_of_the_session_know_what_was_chosen(opened, ball, home):
     screen = opened(ball)
     screen.fill("axis-x", "e")

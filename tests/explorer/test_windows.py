@@ -142,15 +142,6 @@ def test_a_session_of_another_model_names_it(window, address, home, empty):
     assert screen.errors == []
 
 
-def test_a_script_that_may_not_be_copied_is_shown(screen, kept):
-    screen.page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject() }")
-    screen.page.click(".copy-python")
-    screen.page.wait_for_selector("#script[open]")
-    assert screen.page.input_value("#script textarea") == kept.script()
-    screen.page.click("#script button")
-    screen.page.wait_for_selector("#script", state="hidden")
-
-
 def shown(window, address, home, system, **settings) -> Screen:
     """Return a page of a new session of a system."""
     folder = new_folder(home / "saltus" / "explorer")
@@ -181,6 +172,7 @@ def test_a_chaotic_motion_is_shown_and_swept_on_a_section(window, address, home)
     assert screen.errors == []
 
 
+@pytest.mark.usefixtures("own_page")
 def test_a_branch_is_followed_with_steps_of_ones_own_and_extended(screen):
     screen.page.click(".fold .card-header")
     screen.fill("numerics-max_points", "15")
