@@ -3,7 +3,7 @@
 import pytest
 
 from saltus.errors import InputError, SaltusError
-from saltus.explorer.desk import Listener
+from saltus.explorer.desk import Listener, Work
 from saltus.explorer.office import Office
 from saltus.explorer.session import Session
 from saltus.explorer.subjects import of_system
@@ -175,3 +175,17 @@ def test_sessions_are_listed_by_name_and_deleted(office, tmp_path, taken_steps):
     assert not one.session.folder.exists()
     assert lines == ["this session was deleted in another page"] * 2
     office.delete("../../etc")
+
+
+def test_a_session_that_is_deleted_elsewhere_has_no_work_left(office, monkeypatch, taken_steps):
+    desk, page, heard = office.desk(None), Listener(), []
+    page.worked, page.told = heard.append, lambda line, error=False: heard.append(line)
+    desk.join(page)
+    monkeypatch.setattr(desk._companion, "submit", lambda *given: 1)
+    desk.run(taken_steps[0]["orbit1"])
+    assert desk.busy
+    office.delete(desk.session.folder.name)
+    assert not desk.busy
+    assert heard[1:] == [Work(), "this session was deleted in another page"]
+    desk.stop()
+    assert desk.undo() is None

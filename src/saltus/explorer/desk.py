@@ -308,17 +308,22 @@ class Desk:
         """End the process that works, whatever it does, and start a new one; work asked for since `stop` is redone."""
         self._companion.end()
         later = [job for key, job in self._jobs.items() if key not in self._stopping]
-        self._jobs.clear()
-        self._stopping.clear()
-        self._progress = self._warming = None
-        self._trail = []
+        self._forget_work()
         self.start()
         for job in later:
             self._hand_over(job)
         self._tell_work()
         self.tell("the work was ended")
 
+    def _forget_work(self) -> None:
+        self._jobs.clear()
+        self._stopping.clear()
+        self._progress = self._warming = None
+        self._trail = []
+
     def close(self) -> None:
-        """Leave the process that works; the session stays in its folder."""
+        """Leave the process that works, and what it has not done; the session stays in its folder."""
         self.write()
         self._companion.leave()
+        self._forget_work()
+        self._tell_work()
