@@ -1,11 +1,13 @@
 """The server lets in only who names it and knows its token; sessions stay in their folder."""
 
+import logging
 import socket
 import subprocess
 import sys
 from errno import EADDRINUSE
 
 import pytest
+from bokeh.server.connection import ServerConnection
 
 from saltus.errors import InputError
 from saltus.explorer import server
@@ -106,6 +108,18 @@ def asked_of_nobody() -> int:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         return other.getsockname()[1]
+
+
+@pytest.mark.parametrize(("gone", "said"), [(True, False), (False, True)])
+def test_only_what_goes_wrong_with_a_living_page_is_said(gone, said):
+    connection = ServerConnection.__new__(ServerConnection)
+    connection._session = None  # so Bokeh leaves it when a page is gone
+    try:
+        assert connection.session if gone else not said
+    except AssertionError:
+        record = logging.LogRecord("any", logging.ERROR, __file__, 1, "error", None, sys.exc_info())
+    assert server._of_living_page(record) is said
+    assert server._of_living_page(logging.LogRecord("any", logging.ERROR, __file__, 1, "error", None, None))
 
 
 def test_a_host_of_another_machine_is_told():

@@ -14,6 +14,7 @@ from errno import EADDRINUSE
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from traceback import walk_tb
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import InputError, SaltusError
@@ -178,11 +179,22 @@ def listening(office: Office, address: Address) -> tuple[Any, Address]:
     raise InputError("address", f"{address.host}:{number}", "free", told)
 
 
+def _of_living_page(record: logging.LogRecord) -> bool:
+    """Return False for a message of a page that is gone: Bokeh may have taken its session away before."""
+    error = record.exc_info[1] if record.exc_info else None
+    if not isinstance(error, AssertionError) or error.__traceback__ is None:
+        return True
+    *_, (frame, _) = walk_tb(error.__traceback__)
+    return frame.f_globals["__name__"] != "bokeh.server.connection"
+
+
 def _quieten(loop: Any) -> None:
-    """Say nothing of pages that are closed while something is sent to them."""
+    """Say nothing of pages that are closed while something is sent to them, or while they say something."""
     from tornado.websocket import WebSocketClosedError
 
     logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
+    for name in ("bokeh.server.protocol_handler", "tornado.application"):
+        logging.getLogger(name).addFilter(_of_living_page)
 
     def handle(own: Any, context: dict[str, Any]) -> None:
         if not isinstance(context.get("exception"), WebSocketClosedError):
