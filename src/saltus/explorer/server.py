@@ -185,7 +185,7 @@ def _of_living_page(record: logging.LogRecord) -> bool:
     if not isinstance(error, AssertionError) or error.__traceback__ is None:
         return True
     *_, (frame, _) = walk_tb(error.__traceback__)
-    return frame.f_globals["__name__"] != "bokeh.server.connection"
+    return str(frame.f_globals["__name__"]) != "bokeh.server.connection"
 
 
 def _quieten(loop: Any) -> None:
