@@ -43,6 +43,7 @@ print(branch)
 for label, exact in (("SN1", fold), ("PD1", doubling)):
     found = branch[label].parameters["a"]
     print(f"{label}  a = {found:.12f}, closed form {exact:.12f}, difference {found - exact:.1e}")
+    assert abs(found - exact) < 1e-10
 
 ax = branch.plot("a", "max_gap")
 for exact in (fold, doubling):

@@ -38,6 +38,7 @@ print(branch)
 for label, exact in (("GR1", d * Z), ("SN1", fold)):
     found = branch[label].parameters["A"]
     print(f"{label}  A = {found:.12f}, closed form {exact:.12f}, difference {found - exact:.1e}")
+    assert abs(found - exact) < 1e-10
 
 ax = branch.plot("A", "max_v")
 for exact in (d * Z, fold):

@@ -60,9 +60,11 @@ def amplitude(kind, w):
 
 off = max(abs(A - amplitude(kind, w)) for kind, locus in loci.items() for w, A in locus.values)
 print(f"{sum(map(len, loci.values()))} orbits on three loci, closed forms of A, largest difference {off:.1e}")
+assert off < 1e-10
 exact = 2.0 * math.sqrt(k - c**2 / 4.0)
 meeting = loci["PD"]["GR1"].parameters["w"]
 print(f"they meet at w = {meeting:.12f}, closed form {exact:.12f}, difference {meeting - exact:.1e}")
+assert abs(meeting - exact) < 1e-10
 
 figure, ax = plt.subplots(layout="constrained")
 for locus in loci.values():

@@ -33,6 +33,7 @@ exact = sigma * (sigma + b + 3.0) / (sigma - b - 1.0)
 for name, found, wanted in (("BP", trivial["BP1"], 1.0), ("HB", hopf, exact)):
     r = found.parameters["r"]
     print(f"{name} at r = {r:.12f}, closed form {wanted:.12f}, difference {r - wanted:.1e}")
+    assert abs(r - wanted) < 1e-10
 
 prey = saltus.HybridSystem(
     states=("x", "y"),

@@ -10,6 +10,10 @@ and again and again up to the limit of the doublings. In the middle, loci of the
 saddle-nodes and period doublings of the fixed point, and period doublings of the cycle of period 2. Right, the stable
 cycle of period 4 of the logistic map as a cobweb.
 
+Known answers: the doublings end at r = 3.569945672 (M. J. Feigenbaum, J. Stat. Phys. 19 (1978) 25). Fixed points of the
+Henon map are born at a = -(1 - b)^2/4, and double their period at a = 3 (1 - b)^2/4 (M. Henon, Comm. Math. Phys. 50
+(1976) 69).
+
 Field: Maps.
 
     python 07_maps.py [picture]
@@ -51,14 +55,17 @@ print([along_b.at(b).label for b in (-0.7, -2.0, -3.2, -5.0, -12.0)])
 # closed forms: the fixed point mu/(1 - a), and the exponent of the cycle of period 2
 fixed = along_mu.points[0, 0, -1, 0]
 print(f"fixed point {fixed:.12f}, difference {fixed - along_mu.values[0] / 0.6:.1e}")
+assert abs(fixed - along_mu.values[0] / 0.6) < 1e-10
 found = saltus.lyapunov_spectrum(border, {"b": -2.0}, [0.1], average=saltus.Average(periods=100))
 print(f"exponent {found.exponents[0]:.12f}, difference {found.exponents[0] - 0.5 * np.log(0.8):.1e}")
+assert abs(found.exponents[0] - 0.5 * np.log(0.8)) < 1e-10
 
 logistic = saltus.Map(("x",), {"r": 2.8}, {"x": "r*x*(1 - x)"}, name="logistic map")
 fixed_points = saltus.continue_orbit(saltus.solve_orbit(logistic, x0=[0.6]), "r", (0.5, 4.0))
 rest = saltus.continue_orbit(saltus.solve_orbit(logistic, x0=[0.0]), "r", (0.5, 4.0))
 cascade = saltus.follow_cascade(fixed_points["PD1"], (0.5, 4.0), doublings=4)
 print(cascade)
+assert abs(cascade.limit - 3.569945672) < 1e-5
 period_4 = saltus.find_orbit(logistic, {"r": 3.5}, x0=[0.4])
 
 henon = saltus.Map(("x", "y"), {"a": 0.1, "b": 0.3}, {"x": "a - x**2 + b*y", "y": "x"}, name="Henon map")
@@ -67,6 +74,8 @@ doubled = saltus.continue_orbit(saltus.solve_orbit(henon, {"a": 0.6}, x0=[1.0, -
 window = {"a": (-1.5, 3.0), "b": (-1.2, 1.2)}
 loci = [saltus.continue_locus(point, ("a", "b"), window) for point in (along_a["SN1"], along_a["PD1"], doubled["PD1"])]
 print(loci[1])
+for locus, share in zip(loci[:2], (-0.25, 0.75), strict=True):
+    assert np.max(np.abs(locus.values[:, 0] - share * (1.0 - locus.values[:, 1]) ** 2)) < 1e-10
 
 basins = saltus.map_basins(newton, {}, {"x": (-2.0, 2.0, 400), "y": (-2.0, 2.0, 400)})
 print(basins)

@@ -27,8 +27,10 @@ a = backbone.values
 exact = 4.0 * ellipk(a**2 / (2.0 * (1.0 + a**2))) / np.sqrt(1.0 + a**2)
 off = np.max(np.abs(backbone.period / exact - 1.0))
 print(f"{len(a)} orbits, closed form of the period, largest relative difference {off:.1e}")
+assert off < 1e-10
 off = np.max(np.abs(backbone.column("max_energy") - a**2 / 2.0 - a**4 / 4.0))
 print(f"closed form of the energy, largest difference {off:.1e}")
+assert off < 1e-10
 
 field = {"x": "v", "v": "-0.08*v - x - x**3 + A*cos(s)"}
 driven = saltus.HybridSystem.smooth(field, {"A": 0.05, "w": 0.6}, phase=("s", "w"), positive=["w"])

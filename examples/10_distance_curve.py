@@ -10,6 +10,8 @@ Field: Atomic force microscopy.
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from saltus import afm
 
 probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
@@ -20,6 +22,10 @@ curve = afm.distance_curve(model, (0.5, 14.0), f_kHz="f0")
 print(curve)
 for jump in curve.jumps:
     print(f"{jump.direction}: at {jump.value:.7f} nm from {jump.before_nm:.4f} to {jump.after_nm:.4f} nm")
+contact = max(point.value for point in curve.special_points if point.label == "GR1")
+np.testing.assert_allclose(
+    [contact, *sorted(jump.value for jump in curve.jumps)], [11.34091369, 9.878337793, 11.50288421], rtol=1e-7
+)
 
 for orbit in curve.at(Zc_nm=10.0):
     seen = afm.observables(orbit)

@@ -19,6 +19,7 @@ model = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=10.0)
 
 region = afm.bistability(model, A0_nm=(1.0, 30.0), Zc_nm=(0.5, 30.0))
 print(region)
+assert abs(region.critical_amplitude_nm - 10.5434078) < 1e-6
 
 picture = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "results" / "11_critical_amplitude.png")
 picture.parent.mkdir(parents=True, exist_ok=True)

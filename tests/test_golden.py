@@ -23,10 +23,14 @@ KEPT = [(version, name) for version, path in ARCHIVES.items() for name in zipfil
 LONG = {"basins.nc", "cascade.nc", "diagram.nc", "family.nc", "fit.nc", "locus.nc", "map cascade.nc", "map locus.nc"}
 SAME = 1e-9  # of a variable's size: the last bits depend on the processor
 VANISHING = {"E_ts_eV": "virial_eV"}  # a conservative force loses nothing: what is left is rounding of its work
-ROUNDING = {"residual", "fit_residual"}  # of solved equations, and of exact data in standard errors: rounding of 1
+# of solved equations, of exact data in standard errors, of a pitchfork's state and eigenvalue: rounding of 1
+ROUNDING = {"residual", "fit_residual", *(f"branch1_special_{name}" for name in ("residual", "state", "eigenvalue_re"))}
 CLOCKS = {"seconds", "elapsed", "created"}  # what the clock tells
-# dimensions that grew: its branch takes shorter steps where a pair of multipliers may part and come back
-MORE_POINTS = {"fit.nc": {"point", "ragged"}}
+# dimensions that grew: steps are shorter where a pair of multipliers may part and come back, and where an eigenvalue
+# touches 0, as that of a pitchfork's branch does
+MORE_POINTS = {"fit.nc": {"point", "ragged"}, "diagram.nc": {"branch1_point"}}
+# what a special point has of the steps around it
+OF_STEPS = {f"branch1_special_{name}" for name in ("arclength", "position", "tangent", "test")}
 
 
 def kept(version, name, folder):
@@ -89,7 +93,7 @@ def test_numbers_are_those_that_an_older_version_computed(version, name, tmp_pat
     assert {size for size in before.sizes.items() if size[0] not in grown} <= set(now.sizes.items())
     assert set(before.sizes) == set(now.sizes)
     assert set(before.variables) == set(now.variables)
-    for variable in set(before.variables) - CLOCKS:
+    for variable in set(before.variables) - CLOCKS - (OF_STEPS if name == "diagram.nc" else set()):
         if grown.intersection(before[variable].dims):
             assert before[variable].size < now[variable].size
             continue

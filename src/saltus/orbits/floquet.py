@@ -312,10 +312,10 @@ def passage(before: Sequence[complex], values: Sequence[complex]) -> Passage:
     """
     every = range(len(values))
     old, new = [_spot(value) for value in before], [_spot(value) for value in values]
-    away = [[math.dist(a, b) for b in new] for a in old]
+    gaps = np.linalg.norm(np.array(old).reshape(-1, 1, 3) - np.array(new).reshape(1, -1, 3), axis=2)
+    away: list[list[float]] = gaps.tolist()
     chosen, taken = [-1] * len(values), set[int]()
-    distances = [distance for row in away for distance in row]
-    for place in sorted(range(len(distances)), key=distances.__getitem__):
+    for place in np.argsort(gaps, axis=None, kind="stable").tolist():
         i, j = divmod(place, len(values))
         if chosen[i] < 0 and j not in taken:
             chosen[i] = j

@@ -92,6 +92,7 @@ class OrbitProblem(Discretised):
         self._nearest = 1.0
         self._worst = 0.0
         self._surface_rows = np.zeros((2, 0, len(self.system.states)))
+        self._common: tuple[NDArray[np.float64], ...] | None = None  # rows and sizes that common sizes are known of
         self.stiff, self._looked = False, 0
         self.linear = None
         self._largest = np.zeros(len(self.system.states))
@@ -173,7 +174,11 @@ class OrbitProblem(Discretised):
     @property
     def common_scale(self) -> NDArray[np.float64]:
         """Sizes of the states, shape (n,), raised to those that they share where they meet surfaces together."""
-        return common_sizes(self._surface_rows, self.state_scale)
+        known = self._common
+        if known is None or known[0] is not self._surface_rows or not np.array_equal(known[1], self.state_scale):
+            sizes = self.state_scale.copy()
+            self._common = known = self._surface_rows, sizes, common_sizes(self._surface_rows, sizes)
+        return known[2]
 
     def _set_absolute_tolerance(self) -> None:
         """Take the absolute tolerance from the states' sizes, next to equilibria above the field's rounding.

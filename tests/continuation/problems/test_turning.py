@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, solve_orbit
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.problems.turning import followed_pairs, parting, products
+from saltus.continuation.problems.turning import followed_pairs, longest_step, parting, products
 from selection import guarding
 
 RADIUS = 0.9
@@ -54,6 +54,40 @@ def test_a_pair_that_may_have_parted_is_told_unless_the_step_is_fine() -> None:
         parting(turned_through([math.acos(1.01 * math.cos(a)) for a in (-1.9, -0.5, 0.2)]))
     )
     assert parting(turned_through([-0.4, -0.2, -0.009, 0.009])) is None
+
+
+def test_a_pair_that_is_too_small_or_too_large_to_reach_1_leaves_no_doubt() -> None:
+    """Its cosine would have to pass 1 by (1 - r)^2 / 2 r, 9 at 0.05 and 20, and 4 at 0.1."""
+    for radius, steady in ((0.05, True), (20.0, True), (0.1, False)):
+        pairs = turned_through([0.3, 2.9, 0.6], radius)
+        assert pairs[0].steady is steady
+        assert (parting(pairs) is None) is steady
+        assert math.isnan(pairs[0].rate)
+
+
+def test_the_next_step_turns_no_pair_farther_than_it_can_be_followed() -> None:
+    evenly = longest_step(turned_through([-1.9, -1.2, -0.5, 0.2]))
+    assert 7.0 * evenly == pytest.approx(1.05)
+    faster = longest_step(turned_through([0.7, 0.8, 1.0, 1.3]))
+    assert 3.0 * faster + 5.0 * (faster + 0.1) * faster == pytest.approx(1.05)
+    assert longest_step(turned_through([-1.9, -1.2, -0.5, 0.2], 0.05)) == math.inf
+    assert longest_step(turned_through([0.3, 0.6])) == math.inf
+
+
+@pytest.mark.parametrize("rounding", [(0.0, 1e-13, 0.0), (1e-13, 0.0, 2e-13), (0.0, -1e-13, -1e-13), (0.0, 0.0, 0.0)])
+def test_a_pair_that_rests_leaves_steps_as_long_as_they_are(rounding) -> None:
+    assert longest_step(turned_through([1.2, *(1.2 + off for off in rounding)])) > 1e4
+
+
+def test_steps_are_short_enough_to_follow_pairs() -> None:
+    resets = {"x": "y", "y": f"-{RADIUS**2}*x + {2.0 * RADIUS}*cos(9*p)*y - y**3", "s": "0"}
+    wait = {"wait": Mode({"x": "0", "y": "0", "s": "1"})}
+    system = HybridSystem(
+        ("x", "y", "s"), {"p": 0.05}, wait, [Transition("wait", "wait", "s - 1", 1, resets, name="map")]
+    )
+    branch = continue_orbit(find_orbit(system, x0=[0.0, 0.0, 0.0]), "p", (0.05, 3.0))
+    assert not branch.special_points
+    assert len(branch.rejected) <= 3
 
 
 def test_two_pairs_whose_angles_cross_keep_their_rates() -> None:
@@ -115,7 +149,7 @@ def chain(seed: int) -> tuple[HybridSystem, list[tuple[float, str]]]:
     return HybridSystem((*names, "s"), {"p": 0.0}, {"wait": wait}, [turn]), sorted(points)
 
 
-@pytest.mark.parametrize("seed", guarding([0, 7, 9, 11, 12, 15], 9, campaign=1))
+@pytest.mark.parametrize("seed", guarding([0, 7, 9, 11, 13, 14], 9, campaign=3))
 def test_all_special_points_of_pairs_that_turn_fast_are_found(seed: int) -> None:
     system, expected = chain(seed)
     orbit = solve_orbit(system, {}, [("wait", "map", [0.0] * len(system.states), 1.0)])

@@ -171,7 +171,7 @@ def follow(
         if not held:
             yield step.point
         earlier, before, point = before, point, step.point
-        h = min(h * step.growth, control.largest)
+        h = min(h * step.growth, control.largest, max(step.point.examined.longest, control.smallest))
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,6 +115,7 @@ class Examined:
     doubled: frozenset[Any] = frozenset()
     # by names of monitor functions: others that vanish wherever these do, and may bend less; what they are, and values
     closer: Mapping[Any, tuple[Any, float]] = field(default_factory=dict)
+    longest: float = math.inf  # arclength of the longest step that the problem will not reject for its length
 
 
 @dataclass(eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.returning import crosses_back, may_return
+from saltus.continuation.core.within_step import border_tests, several_critical
 from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
 from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.problems.watching import slope
@@ -51,7 +51,8 @@ _EQUAL = 1e-6  # relative difference of two values up to which they are equal by
 _UNEXPLAINED = "stability changes without a bifurcation that explains it"
 _CLEAR = 1e-6  # growth of a value, over the largest, from which on its sign is clear at a critical point
 _ROUNDED = 1e-9  # growth up to which it is rounding
-_BACK = "events: a value becomes critical within the step and returns"
+_RESOLVED = 1e-7  # growth from which on its sign is known
+_SEVERAL = "events: values become critical at more than one place within the step"
 
 
 @dataclass(frozen=True)
@@ -174,6 +175,14 @@ class AlgebraicZeroProblem:
         """
         self._unit = self._unit or float(np.abs(values).max(initial=0.0))
         return np.asarray(values.real / (self._unit or 1.0))
+
+    def in_units(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return values in units of the largest modulus at the start."""
+        return values / (self._unit or 1.0)
+
+    def tests(self, values: list[complex]) -> tuple[list[float], float, bool]:
+        """Return functions of values that meet, which vanish where these become critical."""
+        return border_tests(values)
 
     def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
         """Return how many values or pairs are critical at once at a point of a type."""
@@ -333,9 +342,9 @@ class AlgebraicZeroProblem:
             return None if short else before.examined.fault
         old: PointData = before.examined.data
         ends = np.sort(self.growth(old.values)), np.sort(self.growth(data.values))
-        near = bool(may_return(*ends))
-        if near and not short and self._crosses_back(before, point, *ends):
-            return _BACK
+        near = bool(np.any(((ends[0] < 0.0) != (ends[1] < 0.0)) & (np.abs(ends).min(axis=0) > _RESOLVED)))
+        if not short and self._several_critical(before, point, data.values):
+            return _SEVERAL
         rounded = ((ends[0] > 0.0) != (ends[1] > 0.0)) & (np.maximum(np.abs(ends[0]), np.abs(ends[1])) < _ROUNDED)
         crossed = max(abs(data.unstable - old.unstable) - int(rounded.sum()), 0)
         apart = self._crossed_apart(old.values, data.values) if near or changed else ()
@@ -361,13 +370,14 @@ class AlgebraicZeroProblem:
         (pairs, *first), (others, *second) = found
         return tuple(abs(b - a) for a, b in zip(first, second, strict=True)) if pairs == others else ()
 
-    def _crosses_back(self, a: Point, b: Point, before: NDArray[np.float64], after: NDArray[np.float64]) -> bool:
-        """Return whether a value becomes critical within a step and returns."""
+    def _several_critical(self, a: Point, b: Point, values: NDArray[np.complex128]) -> bool:
+        """Return whether values become critical at several places within a step."""
 
-        def growth(shares: NDArray[np.float64]) -> NDArray[np.float64]:
-            return np.sort(self.growth(self.spectra(hermite(a, b, b.arc - a.arc, shares[:, None]))), axis=1)
+        def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
+            return self.in_units(self.spectra(hermite(a, b, b.arc - a.arc, shares[:, None])))
 
-        return crosses_back(growth, before, after)
+        ends = self.in_units(a.examined.data.values), self.in_units(values)
+        return several_critical(spectra, ends, self.tests)
 
     def _watched(self, value: complex) -> Monitor:
         """Return the monitor function of a value that becomes critical."""

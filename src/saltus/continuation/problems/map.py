@@ -13,6 +13,7 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.point_types import on_branches
+from saltus.continuation.core.within_step import circle_tests
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, PointData
 from saltus.maps.orbit import faults_of
@@ -89,6 +90,14 @@ class MapZeroProblem(AlgebraicZeroProblem):
         """See `AlgebraicZeroProblem.growth`: distances from the unit circle, those of large multipliers at most 1."""
         sizes = np.abs(values)
         return np.where(np.isfinite(sizes), (sizes - 1.0) / (sizes + 1.0), 1.0)
+
+    def in_units(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `AlgebraicZeroProblem.in_units`: multipliers have no units."""
+        return values
+
+    def tests(self, values: list[complex]) -> tuple[list[float], float, bool]:
+        """See `AlgebraicZeroProblem.tests`."""
+        return circle_tests(values)
 
     def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
         """See `AlgebraicZeroProblem.multiplicity`."""

@@ -21,7 +21,7 @@ from saltus.continuation.problems.guards import INFINITE, residual_fault, unconf
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
-from saltus.continuation.problems.turning import Pair, followed_pairs, parting, products
+from saltus.continuation.problems.turning import Pair, followed_pairs, longest_step, parting, products
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.problems.watching import Watched, beyond
 from saltus.orbits import records
@@ -253,19 +253,19 @@ class OrbitZeroProblem:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
+        closer = products(data.pairs, followed, self.vanish_at)
         if before is None:
-            return Examined(monitors, None, data, closer=products(data.pairs, followed, self.vanish_at))
+            return Examined(monitors, None, data, closer=closer)
         if _rests(before, point):
             self._judge_fold(before, monitors, data)
-        self._step = before, point
-        self._crossed = None
+        self._step, self._crossed = (before, point), None
         fault = _fault(point, before, monitors, data, None if self.neutral else way)
         if fault == CROSSINGS and (name := crossing_at_once(before.examined.data.followed, followed)) is not None:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
             monitors[name], fault, self._crossed = ends[1], None, way.real
-        fault = fault if self.neutral else fault or parting(data.pairs)
-        return Examined(monitors, fault, data, doubled_by(followed), products(data.pairs, followed, self.vanish_at))
+        fault, doubted = (fault, ()) if self.neutral else (fault or parting(data.pairs), data.pairs)
+        return Examined(monitors, fault, data, doubled_by(followed), closer, longest_step(doubted))
 
     def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
         """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.

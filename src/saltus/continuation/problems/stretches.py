@@ -1,10 +1,12 @@
 """Many points of a branch of equilibria at once: what the kernel has found, looked at as a whole.
 
-docs/theory/equilibria.md, "Many steps at once", explains what must not happen on the way.
+docs/theory/equilibria.md, "Values within a step", explains what must not happen on the way.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +14,7 @@ import numpy as np
 from saltus.algebraic.products import combined, pairs
 from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.returning import first_return
+from saltus.continuation.core.within_step import border_tests, several_critical
 from saltus.continuation.core.zero_problem import Examined, Point, cubic
 from saltus.continuation.problems.algebraic import PointData
 from saltus.equilibria.spectrum import FAINT, NEUTRAL
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["Stretch", "spectra"]
 
 _MOST = 256  # points of one stretch
+_LONG = 0.02  # arclength of a step from which on its ends do not tell how far values move within
+_REACH = 4.0  # distance of values from the imaginary axis, over how far they move, from which on none reaches it
 _BENT = 2.0  # factor on the curvature of a test function when two zeros within a step are suspected
 
 
@@ -127,17 +131,21 @@ class Stretch:
         return self._before_return(point, kept)
 
     def _before_return(self, last: Point, kept: int) -> int:
-        """Return how many of the first points come before a step in which an eigenvalue crosses and returns."""
-        values, lengths = self.values[:kept], self.numbers[:kept, 4]
+        """Return how many of the first points come before a step in which values become critical at several places."""
+        lengths = self.numbers[:kept, 4]
         unit = float(np.abs(last.examined.data.values).max(initial=0.0)) or 1.0
+        table = np.asarray(np.vstack([last.examined.data.values, self.values[:kept]]) / unit, dtype=np.complex128)
         lines = np.concatenate([last.line[None], self._points[:kept]])
+        for i in np.flatnonzero(_doubtful(table, lengths)).tolist():
+            along = partial(cubic, lines[i], lines[i + 1], float(lengths[i]))
+            if several_critical(partial(self._spectra_at, along, unit), (table[i], table[i + 1]), border_tests):
+                return i
+        return kept
 
-        def growth(steps: NDArray[np.intp], shares: NDArray[np.float64]) -> NDArray[np.float64]:
-            ends = lines[steps].transpose(1, 0, 2), lines[steps + 1].transpose(1, 0, 2)
-            places = cubic(*ends, lengths[steps, None], shares[:, None])
-            return np.sort(spectra(self._problem, places).real / unit, axis=1)[:, ::-1]
-
-        return first_return(growth, np.vstack([last.examined.data.values.real, values.real]) / unit, lengths)
+    def _spectra_at(
+        self, along: Callable[[NDArray[np.float64]], NDArray[np.float64]], unit: float, shares: NDArray[np.float64]
+    ) -> NDArray[np.complex128]:
+        return spectra(self._problem, along(shares[:, None])) / unit
 
     def points(self, last: Point, count: int) -> list[Point]:
         """Return the first `count` points, examined; `last` is the point before them."""
@@ -166,6 +174,14 @@ def spectra(problem: EquilibriumProblem, places: NDArray[np.float64]) -> NDArray
     values = np.full(matrices.shape[:2], complex(np.nan))
     values[finite] = np.linalg.eigvals(matrices[finite])
     return values
+
+
+def _doubtful(values: NDArray[np.complex128], lengths: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which steps are long, or have values near the imaginary axis for how far they move there and beside."""
+    moved = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0)
+    most = np.maximum(moved, np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1])))
+    near = np.abs(values.real).min(axis=1, initial=np.inf)
+    return np.asarray((lengths > _LONG) | (np.minimum(near[:-1], near[1:]) < _REACH * most))
 
 
 def _spectra(matrices: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:

@@ -18,12 +18,14 @@ if TYPE_CHECKING:
 
     from saltus.continuation.core.monitor import Monitor
 
-__all__ = ["Pair", "followed_pairs", "parting", "products"]
+__all__ = ["Pair", "followed_pairs", "longest_step", "parting", "products"]
 
 _COMPLEX = 1e-12  # least imaginary part of a multiplier of a pair, over its size
 _FAR = 1.5  # angle in a step, in radians, from which on a pair is not followed
+_NEARLY = 0.7  # share of that angle by which the next step may turn a pair
 _SAFE = 2.0  # factor on the parting that a pair's angles leave room for
 _LITTLE = 0.75  # change of an angle, over its distance from the axis, up to which it has not passed the axis
+_MOST = 0.25 * _SAFE * math.pi**2  # most that a pair's angles leave room to part by, all of them as bad as can be
 _FINE = 0.02  # angle in a step, in radians, up to which a pair that parts and comes back would be another one
 
 
@@ -70,13 +72,14 @@ def followed_pairs(before: Sequence[Pair], values: Sequence[complex], step: floa
         pair = before[i]
         known, turned = math.isfinite(pair.rate), abs(angle - pair.angle)
         if known:
-            steady = _turns_on(pair, above[j], angle, abs(off))
+            turns = _turns_on(pair, above[j], angle, abs(off))
         else:
             ends = _off_axis(pair.angle), _off_axis(angle)
-            steady, turned = turned < _LITTLE * min(ends), max(turned, sum(ends))
-        rate, bend = (angle - pair.angle) / step if steady and step > 0.0 else math.nan, 0.0
-        if steady and known:
+            turns, turned = turned < _LITTLE * min(ends), max(turned, sum(ends))
+        rate, bend = (angle - pair.angle) / step if turns and step > 0.0 else math.nan, 0.0
+        if turns and known:
             bend = 2.0 * (rate - pair.rate) / (step + pair.step)
+        steady = turns or _room(pair.value, above[j]) > _MOST
         found[j] = Pair(pair.name, above[j], angle, rate, bend, step, turned, steady)
     name = max((pair.name for pair in before), default=-1)
     for j, value in enumerate(above):
@@ -91,6 +94,27 @@ def _foretold(pair: Pair, step: float) -> float:
     if not math.isfinite(pair.rate):
         return pair.angle
     return pair.angle + (pair.rate + 0.5 * pair.bend * (pair.step + step)) * step
+
+
+def longest_step(pairs: Sequence[Pair]) -> float:
+    """Return the longest step in which no pair turns so far that it is not followed, as far as its rate tells."""
+    turning = [pair for pair in pairs if math.isfinite(pair.rate) and _room(pair.value, pair.value) <= _MOST]
+    return min((_step_to_turn(pair) for pair in turning), default=math.inf)
+
+
+def _step_to_turn(pair: Pair) -> float:
+    """Return the step in which a pair is foretold to turn as far as a step may turn it, by its rate and its bend."""
+    most, bend = _NEARLY * _FAR, 0.5 * pair.bend
+    rate = pair.rate + bend * pair.step
+    if rate < 0.0:
+        rate, bend = -rate, -bend
+    steady = most / abs(pair.rate) if pair.rate != 0.0 else math.inf
+    onward = rate * rate + 4.0 * bend * most
+    if onward >= 0.0:
+        total = rate + math.sqrt(onward)
+        return min(steady, 2.0 * most / total) if total > 0.0 else steady
+    # it turns back before, and passes as far on the other side
+    return min(steady, (rate + math.sqrt(rate * rate - 4.0 * bend * most)) / (-2.0 * bend))
 
 
 def _off_axis(angle: float) -> float:
@@ -117,8 +141,13 @@ def _turns_on(pair: Pair, value: complex, angle: float, off: float) -> bool:
     a, b = _off_axis(pair.angle), _off_axis(angle)
     if first == last:
         return off < min(a, b)
-    away = min(abs(abs(pair.value) - 1.0), abs(abs(value) - 1.0))
-    return _SAFE * off * a * b < (a + b) * away * away / (2.0 * abs(value))
+    return _SAFE * off * a * b < (a + b) * _room(pair.value, value)
+
+
+def _room(first: complex, last: complex) -> float:
+    """Return by how much the cosine of a pair's angle passes 1 at least where one of both reaches 1 or -1."""
+    away = min(abs(abs(first) - 1.0), abs(abs(last) - 1.0))
+    return away * away / (2.0 * max(abs(first), abs(last)))
 
 
 def products(

@@ -1,6 +1,6 @@
 """Many steps along a branch of equilibria in one call, as long as nothing happens on the way.
 
-The steps are those of `saltus.continuation.core.arclength.follow`. docs/theory/equilibria.md, "Many steps at once".
+The steps are those of `saltus.continuation.core.arclength.follow`. docs/theory/equilibria.md, "Values within a step".
 """
 
 from __future__ import annotations
