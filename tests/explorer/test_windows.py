@@ -1,5 +1,6 @@
 """Pages that come and go in a real browser: reloads while work goes on, two windows on one session."""
 
+import json
 import os
 
 import pytest
@@ -70,10 +71,11 @@ def test_two_windows_on_one_session_show_the_same(screen, window, address, home)
     assert "Traceback" not in (home / "server.log").read_text()
 
 
-def test_sessions_are_named_found_again_and_deleted(screen):
+def test_sessions_are_named_found_again_and_deleted(screen, home):
     first = screen.page.url.partition("session=")[2]
+    notes = home / "saltus" / "explorer" / first / "session.json"
     screen.fill("session-name", "near the fold")
-    screen.page.wait_for_timeout(300)
+    screen.eventually(lambda: json.loads(notes.read_text())["name"] == "near the fold")
     screen.page.click(".new-session")
     screen.eventually(lambda: first not in screen.page.url)
     screen.wait("orbit1")
@@ -85,10 +87,11 @@ def test_sessions_are_named_found_again_and_deleted(screen):
     assert screen.page.input_value(".session-name input") == "near the fold"
     screen.page.wait_for_function("() => document.title == 'near the fold · saltus'")
     screen.page.click(".new-session")
-    screen.wait("orbit1")
-    for _ in range(2):
-        screen.page.click(f".delete-{first} button")
+    screen.page.click(f".delete-{first} button")
+    screen.until(f"delete-{first}", "Delete?")  # the button is made anew: a click meanwhile would go to the old one
+    screen.page.click(f".delete-{first} button")
     screen.page.wait_for_selector(f".session-{first}", state="detached")
+    assert not notes.exists()
     assert screen.errors == []
 
 

@@ -35,6 +35,8 @@ _PORT = 8710  # tried first
 _TRIES = 5  # free ports that are tried after it: another program may be faster
 _COOKIE = "saltus_token"
 _PACE = 40  # milliseconds between two looks at what processes say
+_LINGERS = 2000  # milliseconds that a page without a browser is kept: one that comes back is loaded again anyway
+_LOOKS = 1000  # milliseconds between two looks for such pages
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,8 @@ def listening(office: Office, address: Address) -> tuple[Any, Address]:
                 "start": False,
                 "location": True,
                 "verbose": False,
+                "unused_session_lifetime_milliseconds": _LINGERS,
+                "check_unused_sessions_milliseconds": _LOOKS,
             }
             return pn.serve({"/": _page_of(office)}, **options), found  # another program may have been faster
         except OSError as error:
@@ -181,11 +185,13 @@ def listening(office: Office, address: Address) -> tuple[Any, Address]:
 
 def _of_living_page(record: logging.LogRecord) -> bool:
     """Return False for a message of a page that is gone: Bokeh may have taken its session away before."""
+    from bokeh.server.connection import ServerConnection
+
     error = record.exc_info[1] if record.exc_info else None
     if not isinstance(error, AssertionError) or error.__traceback__ is None:
         return True
     *_, (frame, _) = walk_tb(error.__traceback__)
-    return str(frame.f_globals["__name__"]) != "bokeh.server.connection"
+    return frame.f_code is not ServerConnection.session.fget.__code__
 
 
 def _quieten(loop: Any) -> None:
