@@ -18,6 +18,7 @@ from typing import Any
 
 TOKEN = "a-token-of-tests"
 PATIENCE = 120_000  # milliseconds that a busy machine may need
+_IDLE = "about:blank"
 _FIELDS = "axis-[xy]|parameter-|start-|sweep-values"  # classes of fields
 _SERVER = "import sys; from saltus.cli import main; main(sys.argv[1:])"
 
@@ -116,12 +117,24 @@ def apart(work: Callable[[], Any]) -> Any:
         return thread.submit(work).result()
 
 
-def closed(window, but: Screen | None = None) -> None:
-    """Close all pages of a window but one, and take back what it was allowed."""
-    for page in window.pages:
-        if but is None or page is not but.page:
-            page.close()
-    window.clear_permissions()
+class Window:
+    """A window of a size. Its pages are idle tabs of one browser, where there are any: they keep compiled code."""
+
+    def __init__(self, context, width: int, height: int) -> None:
+        self.context, self._size = context, {"width": width, "height": height}
+
+    def new_page(self) -> Any:
+        """Return an empty page."""
+        page = next((page for page in self.context.pages if page.url == _IDLE), None) or self.context.new_page()
+        page.set_viewport_size(self._size)
+        return page
+
+    def tidy(self, but: Screen | None = None) -> None:
+        """Leave all pages but one, and take back what pages were allowed."""
+        for page in self.context.pages:
+            if page.url != _IDLE and (but is None or page is not but.page):
+                page.goto(_IDLE)
+        self.context.clear_permissions()
 
 
 class Screen:
@@ -242,9 +255,9 @@ class SharedPage:
         return self.screen
 
     def close(self) -> None:
-        """Close the page, so that the next one is opened anew."""
-        if self.screen is not None:
-            self.screen.page.close()
+        """Leave the page, so that the next one is opened anew."""
+        if self.screen is not None and not self.screen.page.is_closed():
+            self.screen.page.goto(_IDLE)
         self.screen, self._of = None, ()
 
     def _tidied(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from saltus.explorer.application import Application
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Continue, FindEquilibrium, FindOrbit, Follow, Move, Place, Sweep, Switch
 from saltus.explorer.subjects import Subject, of_system
-from screen import Screen, SharedPage, browser, closed, served
+from screen import Screen, SharedPage, Window, browser, served
 from systems import ball_on_table as table
 
 
@@ -171,15 +172,9 @@ def kept(home) -> Session:
 
 @pytest.fixture(scope="session")
 def windows(chromium):
-    """Return a function that gives the window of a size, the same for all tests: it keeps the page's compiled code."""
-    opened: dict = {}
-
-    def window(width: int, height: int):
-        if (width, height) not in opened:
-            opened[width, height] = chromium.new_context(viewport={"width": width, "height": height})
-        return opened[width, height]
-
-    return window
+    """Return a function that gives the window of a size, the same for all tests."""
+    context = chromium.new_context()
+    return cache(lambda width, height: Window(context, width, height))
 
 
 @pytest.fixture(scope="session")
@@ -192,7 +187,7 @@ def shared(address) -> SharedPage:
 def window(windows, shared):
     """Return a window of a desk."""
     yield windows(1500, 900)
-    closed(windows(1500, 900), shared.screen)
+    windows(1500, 900).tidy(shared.screen)
 
 
 @pytest.fixture

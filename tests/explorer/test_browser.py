@@ -6,7 +6,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import pytest
 
 from saltus.explorer.session import Session, new_folder
-from screen import PATIENCE, TOKEN, Screen, browser, closed, served
+from screen import PATIENCE, TOKEN, Screen, browser, served
 from selection import guarding
 
 pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested")
@@ -20,7 +20,7 @@ desk_alone = pytest.mark.parametrize("window", ["desk"], indirect=True)
 def window(request, windows, shared):
     shown = windows(*WINDOWS[request.param])
     yield shown
-    closed(shown, shared.screen)
+    shown.tidy(shared.screen)
 
 
 def test_a_first_page_finds_an_orbit_and_asks_nothing_from_outside(window, address):
@@ -209,7 +209,7 @@ def test_sets_of_values_are_saved_by_name(screen):
 @desk_alone
 @pytest.mark.usefixtures("own_page")
 def test_script_and_files_leave_the_page(screen, window, tmp_path, kept):
-    window.grant_permissions(["clipboard-read", "clipboard-write"])
+    window.context.grant_permissions(["clipboard-read", "clipboard-write"])
     screen.page.click(".copy-python")
     screen.eventually(lambda: screen.page.evaluate("() => navigator.clipboard.readText()") == kept.script())
     for kind, least in {"py": 250, "nc": 20_000, "png": 20_000, "svg": 20_000}.items():

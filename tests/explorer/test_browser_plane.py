@@ -5,7 +5,7 @@ import pytest
 import saltus
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.subjects import of_system
-from screen import _PLACE, TOKEN, Screen, browser, closed
+from screen import _PLACE, TOKEN, Screen, browser
 
 pytestmark = [
     pytest.mark.campaign,
@@ -39,7 +39,7 @@ def screen(windows, address, home):
     shown = Screen(windows(1500, 900).new_page(), address, f"&session={folder.name}")
     shown.wait("orbit1")
     yield shown
-    closed(windows(1500, 900))
+    windows(1500, 900).tidy()
 
 
 def test_motion_and_orbit_follow_a_slider(screen):

@@ -10,7 +10,7 @@ from saltus.explorer import colours
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Place
 from saltus.explorer.subjects import of_system
-from screen import _PLACE, Screen, browser, closed
+from screen import _PLACE, Screen, browser
 
 pytestmark = [
     pytest.mark.campaign,
@@ -75,14 +75,14 @@ def opened(request, windows, shared):
 
     def show(folder: Path, size: tuple[int, int] = DESK) -> Screen:
         used.append(windows(*size))
-        used[-1].grant_permissions(["clipboard-read", "clipboard-write"])
+        used[-1].context.grant_permissions(["clipboard-read", "clipboard-write"])
         return shared.shown(used[-1], folder)
 
     yield show
     if request.session.testsfailed > failed:
         shared.close()
     for window in used:
-        closed(window, shared.screen)
+        window.tidy(shared.screen)
 
 
 def axis(screen: Screen, letter: str) -> str:

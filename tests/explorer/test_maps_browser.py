@@ -19,7 +19,7 @@ def test_a_map_is_explored_and_its_script_makes_the_same(window, address, home, 
     session.settings.parameters["r"] = 2.8
     session.settings.x0 = (0.1,)
     session.keep()
-    window.grant_permissions(["clipboard-read", "clipboard-write"])
+    window.context.grant_permissions(["clipboard-read", "clipboard-write"])
     screen = Screen(window.new_page(), address, f"&session={session.folder.name}")
     assert "stable" in screen.wait("orbit1")
     screen.fill("parameter-from", "2.5")

@@ -52,3 +52,7 @@ class Wishes:
             kind, *said = json.loads(text)
             if kind in self._works:
                 self._works[kind](*said)
+
+    def answer(self, mark: str) -> None:
+        """Say that all that came before a mark is done."""
+        self.source.tags = [mark]
