@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 TOKEN = "a-token-of-tests"
+_LOOK = 50  # milliseconds between two looks
 PATIENCE = 120_000  # milliseconds that a busy machine may need
 _IDLE = "about:blank"
 _FIELDS = "axis-[xy]|parameter-|start-|sweep-values"  # classes of fields
@@ -60,6 +61,22 @@ _TEXT = """(selector => {
   const texts = [...(part.shadowRoot ?? part).children].filter(child => !['STYLE', 'LINK'].includes(child.tagName))
   return texts.map(child => child.innerText).join(' ')
 })"""
+
+
+# what stands in fields that are seen, by the class that a pattern matches
+_SHOWN_FIELDS = """pattern => {
+  const found = {}, wanted = new RegExp('^(' + pattern + ')')
+  const look = root => {
+    for (const node of root.querySelectorAll('*')) {
+      const name = [...node.classList].find(one => wanted.test(one)), inside = node.shadowRoot ?? node
+      const inputs = name ? inside.querySelectorAll('input') : []
+      if (inputs.length == 1 && node.getBoundingClientRect().width > 0) found[name] = inputs[0].value
+      if (node.shadowRoot) look(node.shadowRoot)
+    }
+  }
+  look(document)
+  return found
+}"""
 
 
 def browser() -> str | None:
@@ -170,7 +187,7 @@ class Screen:
         begun = time.monotonic()
         while not abs(float(self.page.input_value(selector)) - value) < within:
             assert time.monotonic() - begun < PATIENCE / 1e3, f"{self.page.input_value(selector)}, not {value}"
-            self.page.wait_for_timeout(20)
+            self.page.wait_for_timeout(_LOOK)
 
     def text(self, name: str) -> str:
         """Return the text of a part of the page."""
@@ -194,7 +211,12 @@ class Screen:
 
     def until(self, name: str, text: str) -> None:
         """Wait until a part of the page has a text."""
-        self.page.wait_for_function(f"([name, text]) => ({_TEXT})(name).includes(text)", arg=[f".{name}", text])
+        holds = f"([name, text]) => ({_TEXT})(name).includes(text)"
+        self.page.wait_for_function(holds, arg=[f".{name}", text], polling=_LOOK)  # each frame would take a processor
+
+    def heard(self) -> None:
+        """Wait until the server has taken in what was done so far."""
+        self.page.evaluate("() => heard()")
 
     def eventually(self, holds) -> None:
         """Wait until a function returns true."""
@@ -202,7 +224,7 @@ class Screen:
         while not holds():
             if time.monotonic() - begun > PATIENCE / 1e3:
                 raise AssertionError("it did not come to hold")
-            self.page.wait_for_timeout(50)
+            self.page.wait_for_timeout(_LOOK)
 
     def fill(self, name: str, value: str) -> None:
         """Type into a field and leave it."""
@@ -225,12 +247,7 @@ class Screen:
 
     def fields(self) -> dict[str, str]:
         """Return what stands in the fields of axes, parameters and the start, by their class."""
-        found = {}
-        for field in self.page.locator(".axis-x, .axis-y, [class*=parameter-], [class*=start-], .sweep-values").all():
-            name = next((n for n in field.get_attribute("class").split() if re.match(_FIELDS, n)), None)
-            if name is not None and field.locator("input").count() == 1 and field.is_visible():
-                found[name] = field.locator("input").input_value()
-        return found
+        return self.page.evaluate(_SHOWN_FIELDS, _FIELDS)
 
 
 class SharedPage:

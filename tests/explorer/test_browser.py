@@ -124,7 +124,7 @@ def test_a_page_that_is_loaded_again_finds_its_session(screen):
     screen.fill("axis-y", "max_z")
     screen.page.click(".find-orbit")
     screen.wait("orbit2")
-    screen.page.wait_for_timeout(300)
+    screen.heard()
     screen.page.reload()
     screen.wait("orbit2")
     screen.eventually(lambda: screen.page.input_value(".axis-y input") == "max_z")

@@ -206,7 +206,7 @@ def test_a_reload_keeps_parameters_and_bounds(opened, ball):
     screen.eventually(lambda: float(screen.page.input_value(".parameter-to input")) == 1.0)
     screen.fill("parameter-to", "0.75")
     screen.page.select_option(".select-sweep select", "a")
-    screen.page.wait_for_timeout(400)
+    screen.heard()
     screen.page.reload()
     screen.wait("branch1")
     screen.eventually(lambda: float(screen.page.input_value(".parameter-to input")) == 0.75)
@@ -283,7 +283,7 @@ def test_arrow_keys_step_along_the_branch(opened, ball):
     screen.eventually(lambda: screen.page.evaluate(f"{figure}.x_range.end - {figure}.x_range.start") < 0.9 * wide)
     screen.page.locator(".axis-y input").focus()
     screen.page.keyboard.press("Home")  # in a field it is the field's
-    screen.page.wait_for_timeout(300)
+    screen.heard()
     assert screen.column("diagram", "chosen", "x") == before
 
 
@@ -317,16 +317,15 @@ def test_everything_is_reached_by_the_keyboard(opened, ball):
 @pytest.mark.parametrize("size", [PHONE, TABLET], ids=["phone", "tablet"])
 def test_small_windows_show_the_diagram_first_and_cut_nothing(opened, ball, size):
     screen = opened(ball, size)
-    screen.page.wait_for_timeout(300)
-    assert screen.page.evaluate(_CUT) == []
+    screen.eventually(lambda: screen.page.evaluate(_CUT) == [])
     assert screen.page.evaluate("document.documentElement.scrollWidth") <= size[0]
     tops = [screen.page.locator(f"main > .{part}").bounding_box()["y"] for part in ("centre", "side", "controls")]
     assert tops == sorted(tops)
     assert tops[0] < 0.3 * size[1]
     for tab in ("Multipliers", "Observables", "Basins", "Special points"):
         screen.page.click(f"text={tab}")
-        screen.page.wait_for_timeout(200)
-        assert screen.page.evaluate(_CUT) == []
+        screen.heard()
+        screen.eventually(lambda: screen.page.evaluate(_CUT) == [])
     assert screen.errors == []
 
 
