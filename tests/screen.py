@@ -21,7 +21,13 @@ _LOOK = 50  # milliseconds between two looks
 PATIENCE = 120_000  # milliseconds that a busy machine may need
 _IDLE = "about:blank"
 _FIELDS = "axis-[xy]|parameter-|start-|sweep-values"  # classes of fields
-_SERVER = "import sys; from saltus.cli import main; main(sys.argv[1:])"
+_SERVER = """
+import gc, signal, sys
+if hasattr(signal, 'SIGUSR1'):
+    signal.signal(signal.SIGUSR1, lambda *told: gc.collect())  # for tests of its memory
+from saltus.cli import main
+main(sys.argv[1:])
+"""
 
 # where a place of a figure is on the screen
 _PLACE = """([name, x, y]) => {
@@ -77,6 +83,13 @@ _SHOWN_FIELDS = """pattern => {
   look(document)
   return found
 }"""
+
+
+# waits until some frames are drawn
+_FRAMES = """count => new Promise(done => {
+  const step = () => count-- > 0 ? requestAnimationFrame(step) : done()
+  step()
+})"""
 
 
 def browser() -> str | None:
@@ -214,9 +227,13 @@ class Screen:
         holds = f"([name, text]) => ({_TEXT})(name).includes(text)"
         self.page.wait_for_function(holds, arg=[f".{name}", text], polling=_LOOK)  # each frame would take a processor
 
+    def draw(self, frames: int = 1) -> None:
+        """Wait until the browser has drawn some frames."""
+        self.page.evaluate(_FRAMES, frames)
+
     def heard(self) -> None:
         """Wait until the server has taken in what was done so far."""
-        self.page.evaluate("() => heard()")
+        self.eventually(lambda: self.page.evaluate("() => heard()"))
 
     def eventually(self, holds) -> None:
         """Wait until a function returns true."""

@@ -53,7 +53,7 @@ def test_motion_and_orbit_follow_a_slider(screen):
     page.mouse.down()
     for k in range(30):
         page.mouse.move(x - 2.0 * k, y)
-        page.wait_for_timeout(30)
+        screen.draw(2)
     screen.eventually(lambda: len(page.evaluate("() => window.drawn")) >= 4)
     assert page.input_value(".parameter-a input") == "0.5"  # nothing is taken before it is let go
     page.mouse.up()

@@ -14,9 +14,9 @@
   const PATIENCE = 5000 // milliseconds
   window.heard = () => new Promise(done => {
     const model = modelOf('wishes'), mark = `leave ${++said}`
-    if (!model) return done()
-    model.properties.tags.change.connect(() => model.tags.includes(mark) && done())
-    setTimeout(done, PATIENCE)
+    if (!model) return done(false)
+    model.properties.tags.change.connect(() => model.tags.includes(mark) && done(true))
+    setTimeout(() => done(false), PATIENCE)
     wish(['leave', mark])
   })
 
