@@ -85,6 +85,17 @@ _SHOWN_FIELDS = """pattern => {
 }"""
 
 
+# stops what is under way, once, and returns whether nothing is; a button that goes is not waited for
+_RESTS = """all => {
+  const seen = all.filter(one => one.getBoundingClientRect().width > 0)
+  const unasked = seen.filter(one => one.innerText == 'Stop' && !one.dataset.asked)
+  for (const one of unasked) {
+    one.dataset.asked = true
+    one.click()
+  }
+  return seen.length == 0
+}"""
+
 # waits until some frames are drawn
 _FRAMES = """count => new Promise(done => {
   const step = () => count-- > 0 ? requestAnimationFrame(step) : done()
@@ -258,9 +269,7 @@ class Screen:
     def rest(self) -> None:
         """Stop all work, and wait until none is under way."""
         stop = self.page.locator(".stop button")
-        while stop.is_visible():
-            stop.evaluate_all("all => all.filter(one => one.innerText == 'Stop').forEach(one => one.click())")
-            self.eventually(lambda: not stop.is_visible() or stop.inner_text() != "Stop")
+        self.eventually(lambda: stop.evaluate_all(_RESTS))
 
     def fields(self) -> dict[str, str]:
         """Return what stands in the fields of axes, parameters and the start, by their class."""

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from saltus.explorer.steps import Step
     from saltus.progress import Progress
 
-__all__ = ["DELETED", "Desk", "Job", "Listener", "Work"]
+__all__ = ["DELETED", "FILM", "Desk", "Job", "Listener", "Work"]
 
+FILM = "film.gif"  # file of a session's folder that has the last film
 DELETED = "this session was deleted in another page"
 
 
@@ -181,7 +182,7 @@ class Desk:
 
     def film(self, orbit: Any) -> None:
         """Film an orbit into the session's folder."""
-        path = self.session.folder / "film.gif"
+        path = self.session.folder / FILM
         self._hand_over(Job("film", self.application.film, (orbit, str(path))))
 
     def normal_forms(self, result: Any, done: Callable[[dict[str, str]], None], by: Listener) -> None:
