@@ -84,7 +84,7 @@ class Monkey:
 
 def memory(windows: list[Screen], address: str, server: int) -> dict[str, float]:
     """Return the memory of a server, its workers and the scripts of two windows, in megabytes, once all have rested."""
-    windows[0].eventually(lambda: emptied(windows))
+    empty(windows)
     os.kill(server, signal.SIGUSR1)  # it collects its garbage
     asked(address)  # it answers after that
     found = {"workers": 0.0}
@@ -102,14 +102,14 @@ def memory(windows: list[Screen], address: str, server: int) -> dict[str, float]
     return found
 
 
-def emptied(windows: list[Screen]) -> bool:
-    """Drop the last result, and return whether there is none and nothing is under way: so windows can be compared."""
+def empty(windows: list[Screen]) -> None:
+    """Drop all results, one after the other, once nothing is under way: so windows can be compared."""
     for screen in windows:
         screen.rest()
-    undo = windows[0].page.locator(".undo button")
-    if undo.is_enabled():
-        undo.click()
-    return not any(screen.results or screen.page.is_visible(".stop") for screen in windows)
+    while count := len(windows[0].results):
+        windows[0].page.click(".undo button")
+        windows[0].eventually(lambda count=count: len(windows[0].results) < count)
+    windows[0].eventually(lambda: not any(screen.results or screen.page.is_visible(".stop") for screen in windows))
 
 
 def agreed(windows: list[Screen], folder: Path) -> bool:
