@@ -17,8 +17,17 @@ from pathlib import Path
 from typing import Any
 
 TOKEN = "a-token-of-tests"
+_LOOK = 50  # milliseconds between two looks
 PATIENCE = 120_000  # milliseconds that a busy machine may need
-_SERVER = "import sys; from saltus.cli import main; main(sys.argv[1:])"
+_IDLE = "about:blank"
+_FIELDS = "axis-[xy]|parameter-|start-|sweep-values"  # classes of fields
+_SERVER = """
+import gc, signal, sys
+if hasattr(signal, 'SIGUSR1'):
+    signal.signal(signal.SIGUSR1, lambda *told: gc.collect())  # for tests of its memory
+from saltus.cli import main
+main(sys.argv[1:])
+"""
 
 # where a place of a figure is on the screen
 _PLACE = """([name, x, y]) => {
@@ -33,6 +42,13 @@ _COLUMN = """([name, glyph, column]) => {
   const document = Bokeh.documents.find(d => d.get_model_by_name(name) != null)
   const renderer = document.get_model_by_name(name).renderers.find(r => r.name == glyph)
   return Array.from(renderer.data_source.data[column])
+}"""
+
+# selects a solution, as a button in a list does
+_TAKE = """name => {
+  const document = Bokeh.documents.find(d => d.get_model_by_name('wishes') != null)
+  const wish = JSON.stringify(['take', name, null])
+  document.get_model_by_name('wishes').data = {wish: [wish], at: [`tidied ${Date.now()}`]}
 }"""
 
 # the text of a part of the page, whose content lies in a shadow tree
@@ -50,6 +66,40 @@ _TEXT = """(selector => {
   if (!part) return ''
   const texts = [...(part.shadowRoot ?? part).children].filter(child => !['STYLE', 'LINK'].includes(child.tagName))
   return texts.map(child => child.innerText).join(' ')
+})"""
+
+
+# what stands in fields that are seen, by the class that a pattern matches
+_SHOWN_FIELDS = """pattern => {
+  const found = {}, wanted = new RegExp('^(' + pattern + ')')
+  const look = root => {
+    for (const node of root.querySelectorAll('*')) {
+      const name = [...node.classList].find(one => wanted.test(one)), inside = node.shadowRoot ?? node
+      const inputs = name ? inside.querySelectorAll('input') : []
+      if (inputs.length == 1 && node.getBoundingClientRect().width > 0) found[name] = inputs[0].value
+      if (node.shadowRoot) look(node.shadowRoot)
+    }
+  }
+  look(document)
+  return found
+}"""
+
+
+# stops what is under way, once, and returns whether nothing is; a button that goes is not waited for
+_RESTS = """all => {
+  const seen = all.filter(one => one.getBoundingClientRect().width > 0)
+  const unasked = seen.filter(one => one.innerText == 'Stop' && !one.dataset.asked)
+  for (const one of unasked) {
+    one.dataset.asked = true
+    one.click()
+  }
+  return seen.length == 0
+}"""
+
+# waits until some frames are drawn
+_FRAMES = """count => new Promise(done => {
+  const step = () => count-- > 0 ? requestAnimationFrame(step) : done()
+  step()
 })"""
 
 
@@ -108,11 +158,24 @@ def apart(work: Callable[[], Any]) -> Any:
         return thread.submit(work).result()
 
 
-def closed(window) -> None:
-    """Close all pages of a window, and take back what it was allowed."""
-    for page in window.pages:
-        page.close()
-    window.clear_permissions()
+class Window:
+    """A window of a size. Its pages are idle tabs of one browser, where there are any: they keep compiled code."""
+
+    def __init__(self, context, width: int, height: int) -> None:
+        self.context, self._size = context, {"width": width, "height": height}
+
+    def new_page(self) -> Any:
+        """Return an empty page."""
+        page = next((page for page in self.context.pages if page.url == _IDLE), None) or self.context.new_page()
+        page.set_viewport_size(self._size)
+        return page
+
+    def tidy(self, but: Screen | None = None) -> None:
+        """Leave all pages but one, and take back what pages were allowed."""
+        for page in self.context.pages:
+            if page.url != _IDLE and (but is None or page is not but.page):
+                page.goto(_IDLE)
+        self.context.clear_permissions()
 
 
 class Screen:
@@ -148,7 +211,7 @@ class Screen:
         begun = time.monotonic()
         while not abs(float(self.page.input_value(selector)) - value) < within:
             assert time.monotonic() - begun < PATIENCE / 1e3, f"{self.page.input_value(selector)}, not {value}"
-            self.page.wait_for_timeout(20)
+            self.page.wait_for_timeout(_LOOK)
 
     def text(self, name: str) -> str:
         """Return the text of a part of the page."""
@@ -172,7 +235,16 @@ class Screen:
 
     def until(self, name: str, text: str) -> None:
         """Wait until a part of the page has a text."""
-        self.page.wait_for_function(f"([name, text]) => ({_TEXT})(name).includes(text)", arg=[f".{name}", text])
+        holds = f"([name, text]) => ({_TEXT})(name).includes(text)"
+        self.page.wait_for_function(holds, arg=[f".{name}", text], polling=_LOOK)  # each frame would take a processor
+
+    def draw(self, frames: int = 1) -> None:
+        """Wait until the browser has drawn some frames."""
+        self.page.evaluate(_FRAMES, frames)
+
+    def heard(self) -> None:
+        """Wait until the server has taken in what was done so far."""
+        self.eventually(lambda: self.page.evaluate("() => heard()"))
 
     def eventually(self, holds) -> None:
         """Wait until a function returns true."""
@@ -180,7 +252,7 @@ class Screen:
         while not holds():
             if time.monotonic() - begun > PATIENCE / 1e3:
                 raise AssertionError("it did not come to hold")
-            self.page.wait_for_timeout(50)
+            self.page.wait_for_timeout(_LOOK)
 
     def fill(self, name: str, value: str) -> None:
         """Type into a field and leave it."""
@@ -188,3 +260,64 @@ class Screen:
         field.fill(value)
         field.press("Enter")
         field.blur()
+
+    @property
+    def results(self) -> list[str]:
+        """The names of the results in the list."""
+        return self.page.locator(".result b").all_inner_texts()
+
+    def rest(self) -> None:
+        """Stop all work, and wait until none is under way."""
+        stop = self.page.locator(".stop button")
+        self.eventually(lambda: stop.evaluate_all(_RESTS))
+
+    def fields(self) -> dict[str, str]:
+        """Return what stands in the fields of axes, parameters and the start, by their class."""
+        return self.page.evaluate(_SHOWN_FIELDS, _FIELDS)
+
+
+class SharedPage:
+    """A page that tests show one after the other: it is tidied up where that is possible, else opened anew."""
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self.screen: Screen | None = None
+        self._of: tuple = ()
+
+    def shown(self, window, folder: Path) -> Screen:
+        """Return the page of a copy of a session in a window, as it was when it was opened."""
+        if self._of != (window, folder) or not self._tidied():
+            self.close()
+            copy = folder.with_name(f"{time.time_ns() % 16**12:012x}")
+            shutil.copytree(folder, copy)
+            self.screen, self._of = Screen(window.new_page(), self.address, f"&session={copy.name}"), (window, folder)
+            self.screen.wait("branch1")
+            self._url, self._results, self._fields = self.screen.page.url, self.screen.results, self.screen.fields()
+        assert self.screen is not None
+        self.screen.said.clear()
+        return self.screen
+
+    def close(self) -> None:
+        """Leave the page, so that the next one is opened anew."""
+        if self.screen is not None and not self.screen.page.is_closed():
+            self.screen.page.goto(_IDLE)
+        self.screen, self._of = None, ()
+
+    def _tidied(self) -> bool:
+        """Bring the page back to what it showed first; return whether that is possible."""
+        screen = self.screen
+        if screen is None or screen.page.is_closed() or screen.page.url != self._url:
+            return False
+        screen.rest()
+        if (shown := screen.results)[: len(self._results)] != self._results:
+            return False
+        for name in reversed(shown[len(self._results) :]):
+            screen.page.click(".undo")
+            screen.page.wait_for_selector(f".result-{name}", state="detached")
+        for name in {name for name, text in screen.fields().items() if text != self._fields.get(name, text)}:
+            screen.fill(name, self._fields[name])
+        for tab in ("Orbit", "Results"):
+            screen.page.locator(".bk-tab", has_text=tab).first.click()
+        screen.page.evaluate(_TAKE, self._results[0])
+        screen.until("selected", self._results[0])
+        return True

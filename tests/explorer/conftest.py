@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,7 @@ from saltus.explorer.application import Application
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Continue, FindEquilibrium, FindOrbit, Follow, Move, Place, Sweep, Switch
 from saltus.explorer.subjects import Subject, of_system
-from screen import Screen, browser, closed, served
+from screen import Screen, SharedPage, Window, browser, served
 from systems import ball_on_table as table
 
 
@@ -173,29 +172,36 @@ def kept(home) -> Session:
 
 @pytest.fixture(scope="session")
 def windows(chromium):
-    """Return a function that gives the window of a size, the same for all tests: it keeps the page's compiled code."""
-    opened: dict = {}
+    """Return a function that gives the window of a size, the same for all tests."""
+    context = chromium.new_context()
+    return cache(lambda width, height: Window(context, width, height))
 
-    def window(width: int, height: int):
-        if (width, height) not in opened:
-            opened[width, height] = chromium.new_context(viewport={"width": width, "height": height})
-        return opened[width, height]
 
-    return window
+@pytest.fixture(scope="session")
+def shared(address) -> SharedPage:
+    """Return the page that tests share."""
+    return SharedPage(address)
 
 
 @pytest.fixture
-def window(windows):
+def window(windows, shared):
     """Return a window of a desk."""
     yield windows(1500, 900)
-    closed(windows(1500, 900))
+    windows(1500, 900).tidy(shared.screen)
 
 
 @pytest.fixture
-def screen(window, address, kept) -> Screen:
+def own_page(shared) -> Iterator[None]:
+    """Let a test have a page that no other has changed, nor sees later."""
+    shared.close()
+    yield
+    shared.close()
+
+
+@pytest.fixture
+def screen(request, window, shared, kept) -> Iterator[Screen]:
     """Return a page that shows a copy of Fig. 3's session."""
-    folder = kept.folder.with_name(f"{time.time_ns() % 16**12:012x}")
-    shutil.copytree(kept.folder, folder)
-    shown = Screen(window.new_page(), address, f"&session={folder.name}")
-    shown.wait("branch1")
-    return shown
+    failed = request.session.testsfailed
+    yield shared.shown(window, kept.folder)
+    if request.session.testsfailed > failed:
+        shared.close()

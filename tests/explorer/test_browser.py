@@ -6,7 +6,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import pytest
 
 from saltus.explorer.session import Session, new_folder
-from screen import PATIENCE, TOKEN, Screen, browser, closed, served
+from screen import PATIENCE, TOKEN, Screen, browser, served
 from selection import guarding
 
 pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested")
@@ -17,10 +17,10 @@ desk_alone = pytest.mark.parametrize("window", ["desk"], indirect=True)
 
 
 @pytest.fixture(params=guarding(WINDOWS, "desk", campaign=0))
-def window(request, windows):
+def window(request, windows, shared):
     shown = windows(*WINDOWS[request.param])
     yield shown
-    closed(shown)
+    shown.tidy(shared.screen)
 
 
 def test_a_first_page_finds_an_orbit_and_asks_nothing_from_outside(window, address):
@@ -124,7 +124,7 @@ def test_a_page_that_is_loaded_again_finds_its_session(screen):
     screen.fill("axis-y", "max_z")
     screen.page.click(".find-orbit")
     screen.wait("orbit2")
-    screen.page.wait_for_timeout(300)
+    screen.heard()
     screen.page.reload()
     screen.wait("orbit2")
     screen.eventually(lambda: screen.page.input_value(".axis-y input") == "max_z")
@@ -147,11 +147,16 @@ def test_a_wrong_expression_is_told_in_the_page_and_never_run(screen, kept):
 def test_two_pages_do_not_disturb_each_other(screen, window, address):
     other = Screen(window.new_page(), address)
     other.wait("orbit1")
-    screen.page.click(".undo")
-    screen.page.wait_for_selector(".result-branch1", state="detached")
+    screen.page.click(".find-orbit")
+    screen.wait("orbit2")
     other.page.click(".continue")
     other.wait("branch1")
-    assert not screen.page.locator(".result-branch1").count()
+    screen.page.click(".undo")
+    screen.page.wait_for_selector(".result-orbit2", state="detached")
+    other.page.click(".undo")
+    other.page.wait_for_selector(".result-branch1", state="detached")
+    assert screen.results == ["orbit1", "branch1"]
+    assert other.results == ["orbit1"]
     assert screen.errors == other.errors == []
 
 
@@ -202,16 +207,13 @@ def test_sets_of_values_are_saved_by_name(screen):
 
 @pytest.mark.campaign
 @desk_alone
-def test_the_script_is_copied(screen, window, kept):
-    window.grant_permissions(["clipboard-read", "clipboard-write"])
+@pytest.mark.usefixtures("own_page")
+def test_script_and_files_leave_the_page(screen, window, tmp_path, kept):
+    window.context.grant_permissions(["clipboard-read", "clipboard-write"])
     screen.page.click(".copy-python")
     screen.eventually(lambda: screen.page.evaluate("() => navigator.clipboard.readText()") == kept.script())
-
-
-@pytest.mark.campaign
-@desk_alone
-def test_files_are_downloaded(screen, tmp_path, kept):
     for kind, least in {"py": 250, "nc": 20_000, "png": 20_000, "svg": 20_000}.items():
+        screen.page.mouse.move(0, 0)  # away from a button whose tip may cover the next one
         with screen.page.expect_download() as waiting:
             screen.page.click(f".download-{kind} .bk-btn, .download-{kind} a, .download-{kind} button")
         path = tmp_path / f"file.{kind}"
@@ -220,6 +222,12 @@ def test_files_are_downloaded(screen, tmp_path, kept):
     assert (tmp_path / "file.py").read_text() == kept.script()
     again = Session.unpacked(tmp_path / "file.nc", new_folder(tmp_path))
     assert again.results == kept.results
+    screen.page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject() }")
+    screen.page.click(".copy-python")
+    screen.page.wait_for_selector("#script[open]")
+    assert screen.page.input_value("#script textarea") == kept.script()
+    screen.page.click("#script button")
+    screen.page.wait_for_selector("#script", state="hidden")
 
 
 @pytest.mark.campaign

@@ -5,7 +5,7 @@ import pytest
 import saltus
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.subjects import of_system
-from screen import _PLACE, TOKEN, Screen, browser, closed
+from screen import _PLACE, TOKEN, Screen, browser
 
 pytestmark = [
     pytest.mark.campaign,
@@ -39,7 +39,7 @@ def screen(windows, address, home):
     shown = Screen(windows(1500, 900).new_page(), address, f"&session={folder.name}")
     shown.wait("orbit1")
     yield shown
-    closed(windows(1500, 900))
+    windows(1500, 900).tidy()
 
 
 def test_motion_and_orbit_follow_a_slider(screen):
@@ -53,7 +53,7 @@ def test_motion_and_orbit_follow_a_slider(screen):
     page.mouse.down()
     for k in range(30):
         page.mouse.move(x - 2.0 * k, y)
-        page.wait_for_timeout(30)
+        screen.draw(2)
     screen.eventually(lambda: len(page.evaluate("() => window.drawn")) >= 4)
     assert page.input_value(".parameter-a input") == "0.5"  # nothing is taken before it is let go
     page.mouse.up()

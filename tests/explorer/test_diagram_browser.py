@@ -1,8 +1,6 @@
 """The diagram, its list of points and its table in a real browser: axes, marks, pictures, keys, small windows."""
 
 import json
-import shutil
-import time
 from pathlib import Path
 
 import pytest
@@ -12,7 +10,7 @@ from saltus.explorer import colours
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Place
 from saltus.explorer.subjects import of_system
-from screen import _PLACE, Screen, browser, closed
+from screen import _PLACE, Screen, browser
 
 pytestmark = [
     pytest.mark.campaign,
@@ -71,22 +69,20 @@ def oscillator(home, rests) -> Path:
 
 
 @pytest.fixture
-def opened(windows, address):
+def opened(request, windows, shared):
     """Return a function that shows a copy of a session in a window."""
-    used = []
+    used, failed = [], request.session.testsfailed
 
     def show(folder: Path, size: tuple[int, int] = DESK) -> Screen:
-        copy = folder.with_name(f"{time.time_ns() % 16**12:012x}")
-        shutil.copytree(folder, copy)
         used.append(windows(*size))
-        used[-1].grant_permissions(["clipboard-read", "clipboard-write"])
-        screen = Screen(used[-1].new_page(), address, f"&session={copy.name}")
-        screen.wait("branch1")
-        return screen
+        used[-1].context.grant_permissions(["clipboard-read", "clipboard-write"])
+        return shared.shown(used[-1], folder)
 
     yield show
+    if request.session.testsfailed > failed:
+        shared.close()
     for window in used:
-        closed(window)
+        window.tidy(shared.screen)
 
 
 def axis(screen: Screen, letter: str) -> str:
@@ -118,6 +114,7 @@ def tip(screen: Screen) -> str | None:
     )
 
 
+@pytest.mark.usefixtures("own_page")
 def test_continued_in_another_parameter_the_abscissa_is_this_parameter(opened, oscillator):
     screen = opened(oscillator)
     screen.page.select_option(".select-parameter select", "A")
@@ -186,6 +183,7 @@ def test_the_unit_circle_is_round_and_a_far_multiplier_is_an_arrow(opened, ball)
     assert max(map(abs, screen.column("multipliers", "arrows", "x")), default=0.0) < half
 
 
+@pytest.mark.usefixtures("own_page")
 def test_two_lists_never_name_one_parameter_and_an_emptied_bound_is_refused(opened, ball):
     screen = opened(ball)
     screen.page.mouse.click(*at_mark(screen, "branch1", "SN1"))
@@ -201,13 +199,14 @@ def test_two_lists_never_name_one_parameter_and_an_emptied_bound_is_refused(open
     assert screen.page.locator(".result-branch2").count() == 0
 
 
+@pytest.mark.usefixtures("own_page")
 def test_a_reload_keeps_parameters_and_bounds(opened, ball):
     screen = opened(ball)
     screen.page.select_option(".select-parameter select", "e")
     screen.eventually(lambda: float(screen.page.input_value(".parameter-to input")) == 1.0)
     screen.fill("parameter-to", "0.75")
     screen.page.select_option(".select-sweep select", "a")
-    screen.page.wait_for_timeout(400)
+    screen.heard()
     screen.page.reload()
     screen.wait("branch1")
     screen.eventually(lambda: float(screen.page.input_value(".parameter-to input")) == 0.75)
@@ -284,7 +283,7 @@ def test_arrow_keys_step_along_the_branch(opened, ball):
     screen.eventually(lambda: screen.page.evaluate(f"{figure}.x_range.end - {figure}.x_range.start") < 0.9 * wide)
     screen.page.locator(".axis-y input").focus()
     screen.page.keyboard.press("Home")  # in a field it is the field's
-    screen.page.wait_for_timeout(300)
+    screen.heard()
     assert screen.column("diagram", "chosen", "x") == before
 
 
@@ -318,19 +317,19 @@ def test_everything_is_reached_by_the_keyboard(opened, ball):
 @pytest.mark.parametrize("size", [PHONE, TABLET], ids=["phone", "tablet"])
 def test_small_windows_show_the_diagram_first_and_cut_nothing(opened, ball, size):
     screen = opened(ball, size)
-    screen.page.wait_for_timeout(300)
-    assert screen.page.evaluate(_CUT) == []
+    screen.eventually(lambda: screen.page.evaluate(_CUT) == [])
     assert screen.page.evaluate("document.documentElement.scrollWidth") <= size[0]
     tops = [screen.page.locator(f"main > .{part}").bounding_box()["y"] for part in ("centre", "side", "controls")]
     assert tops == sorted(tops)
     assert tops[0] < 0.3 * size[1]
     for tab in ("Multipliers", "Observables", "Basins", "Special points"):
         screen.page.click(f"text={tab}")
-        screen.page.wait_for_timeout(200)
-        assert screen.page.evaluate(_CUT) == []
+        screen.heard()
+        screen.eventually(lambda: screen.page.evaluate(_CUT) == [])
     assert screen.errors == []
 
 
+@pytest.mark.usefixtures("own_page")
 def test_notes_of_the_session_know_what_was_chosen(opened, ball, home):
     screen = opened(ball)
     screen.fill("axis-x", "e")

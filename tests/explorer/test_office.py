@@ -3,7 +3,7 @@
 import pytest
 
 from saltus.errors import InputError, SaltusError
-from saltus.explorer.desk import Listener
+from saltus.explorer.desk import Listener, Work
 from saltus.explorer.office import Office
 from saltus.explorer.session import Session
 from saltus.explorer.subjects import of_system
@@ -76,11 +76,25 @@ def test_a_page_without_results_that_is_loaded_again_has_its_model_and_values(of
     again.join(page)
     again.leave(page)
     office.attend()
-    other.desk(name)
+    other.sweep()
+    with pytest.raises(InputError, match="must be one that no other server has open"):
+        other.desk(name)
+    assert (tmp_path / name).exists()
     office.close()
-    assert (tmp_path / name).exists()  # the other server has it open
-    other.close()
     assert not (tmp_path / name).exists()
+
+
+def test_a_start_removes_what_killed_servers_have_left_without_results(office, toys, tmp_path, taken_steps):
+    steps, results = taken_steps
+    (empty, kept, cut), other = (office.desk(None).session for _ in range(3)), Office(toys, None, tmp_path)
+    kept.write(kept.add(steps["orbit1"], results["orbit1"]))
+    results["orbit1"].save(cut.folder / "orbit1.nc")  # the server was killed before the notes had it
+    other.sweep()
+    assert {path.name for path in tmp_path.iterdir()} == {one.folder.name for one in (empty, kept, cut)}
+    abandoned(office)
+    other.sweep()
+    assert {path.name for path in tmp_path.iterdir()} == {one.folder.name for one in (kept, cut)}
+    assert other.desk(kept.folder.name).session.results == kept.results
 
 
 def test_a_tab_that_is_closed_counts_as_closed(office, toys, tmp_path, taken_steps):
@@ -175,3 +189,17 @@ def test_sessions_are_listed_by_name_and_deleted(office, tmp_path, taken_steps):
     assert not one.session.folder.exists()
     assert lines == ["this session was deleted in another page"] * 2
     office.delete("../../etc")
+
+
+def test_a_session_that_is_deleted_elsewhere_has_no_work_left(office, monkeypatch, taken_steps):
+    desk, page, heard = office.desk(None), Listener(), []
+    page.worked, page.told = heard.append, lambda line, error=False: heard.append(line)
+    desk.join(page)
+    monkeypatch.setattr(desk._companion, "submit", lambda *given: 1)
+    desk.run(taken_steps[0]["orbit1"])
+    assert desk.busy
+    office.delete(desk.session.folder.name)
+    assert not desk.busy
+    assert heard[1:] == [Work(), "this session was deleted in another page"]
+    desk.stop()
+    assert desk.undo() is None

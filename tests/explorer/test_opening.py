@@ -9,6 +9,7 @@ import pytest
 import saltus
 from saltus.errors import InputError, SaltusError
 from saltus.explorer.opening import open_explorer
+from saltus.explorer.session import Session, new_folder
 from saltus.progress import in_notebook
 from screen import asked
 
@@ -42,8 +43,11 @@ def test_a_page_is_served_with_what_was_left_unfinished(toys, session, tmp_path,
     monkeypatch.setattr("saltus.explorer.office.home_folder", lambda: session.folder.parent)
     for entry in session.entries[:1]:
         session.write(entry)
+    left = new_folder(session.folder.parent)  # by a server that was killed
+    Session(session.subject, left).keep()
     open_explorer(toys, session.subject, token="a-token-of-tests", browser=False)
     assert served["session"] == session.folder.name
+    assert not left.exists()
     assert served["office"].application is toys
     assert served["address"].token == "a-token-of-tests"
     assert not served["browser"]

@@ -173,6 +173,13 @@ def test_a_film_has_a_tab_of_its_own(page, session, tmp_path):
     assert page._film[0].width == 640  # that of the file: its texts are as large as they were drawn
 
 
+def test_a_film_is_there_when_the_page_is_loaded_again(session, toys):
+    (session.folder / "film.gif").write_bytes(b"GIF89a")
+    again = opened(session, toys)
+    assert again._tabs._names[-1] == "Film"
+    assert again._film[0].object == b"GIF89a"
+
+
 def test_work_is_stopped_and_at_a_second_click_ended(page):
     standing = Work("branch: saltus.continue_orbit(...)", Progress(3, 10, 1.0, "points"))
     page.desk.standing = standing

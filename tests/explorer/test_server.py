@@ -1,15 +1,17 @@
 """The server lets in only who names it and knows its token; sessions stay in their folder."""
 
+import logging
 import socket
 import subprocess
 import sys
 from errno import EADDRINUSE
 
 import pytest
+from bokeh.server.connection import ServerConnection
 
 from saltus.errors import InputError
 from saltus.explorer import server
-from saltus.explorer.server import Address, listening
+from saltus.explorer.server import LEFT, Address, listening
 from screen import TOKEN, apart, asked, served
 
 
@@ -106,6 +108,30 @@ def asked_of_nobody() -> int:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         return other.getsockname()[1]
+
+
+def gone():
+    """Raise what Bokeh does where a page is gone."""
+    connection = ServerConnection.__new__(ServerConnection)
+    connection._session = None  # so Bokeh leaves it
+    return connection.session
+
+
+def wrong():
+    """Raise an error of a page that is there."""
+    assert not TOKEN
+
+
+@pytest.mark.parametrize(("act", "left"), [(gone, True), (wrong, False)])
+def test_only_what_goes_wrong_with_a_living_page_is_told_in_full(act, left):
+    try:
+        act()
+    except AssertionError:
+        record = logging.LogRecord("any", logging.ERROR, __file__, 1, "error", None, sys.exc_info())
+    assert server._is_gone(record) is left
+    assert server._told_shortly(record)
+    assert (record.getMessage(), record.exc_info is None) == ((LEFT, True) if left else ("error", False))
+    assert not server._is_gone(logging.LogRecord("any", logging.ERROR, __file__, 1, "error", None, None))
 
 
 def test_a_host_of_another_machine_is_told():

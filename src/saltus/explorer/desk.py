@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from saltus.explorer.steps import Step
     from saltus.progress import Progress
 
-__all__ = ["DELETED", "Desk", "Job", "Listener", "Work"]
+__all__ = ["DELETED", "FILM", "Desk", "Job", "Listener", "Work"]
 
+FILM = "film.gif"  # file of a session's folder that has the last film
 DELETED = "this session was deleted in another page"
 
 
@@ -181,7 +182,7 @@ class Desk:
 
     def film(self, orbit: Any) -> None:
         """Film an orbit into the session's folder."""
-        path = self.session.folder / "film.gif"
+        path = self.session.folder / FILM
         self._hand_over(Job("film", self.application.film, (orbit, str(path))))
 
     def normal_forms(self, result: Any, done: Callable[[dict[str, str]], None], by: Listener) -> None:
@@ -308,17 +309,22 @@ class Desk:
         """End the process that works, whatever it does, and start a new one; work asked for since `stop` is redone."""
         self._companion.end()
         later = [job for key, job in self._jobs.items() if key not in self._stopping]
-        self._jobs.clear()
-        self._stopping.clear()
-        self._progress = self._warming = None
-        self._trail = []
+        self._forget_work()
         self.start()
         for job in later:
             self._hand_over(job)
         self._tell_work()
         self.tell("the work was ended")
 
+    def _forget_work(self) -> None:
+        self._jobs.clear()
+        self._stopping.clear()
+        self._progress = self._warming = None
+        self._trail = []
+
     def close(self) -> None:
-        """Leave the process that works; the session stays in its folder."""
+        """Leave the process that works, and what it has not done; the session stays in its folder."""
         self.write()
         self._companion.leave()
+        self._forget_work()
+        self._tell_work()

@@ -159,13 +159,21 @@ def _expression(read: _Read, number: int, where: str, text: str) -> str:
     return text
 
 
+def _once(where: str, text: str, known: bool) -> None:
+    """Raise `DefinitionError` where something was written before: of two the last would hold without a word."""
+    if known:
+        raise DefinitionError(where, text, "written once", "it stands in a line before, or twice in this one")
+
+
 def _add_equation(read: _Read, number: int, state: str, text: str) -> None:
     part = read.modes.setdefault(read.part or _SMOOTH, {"field": {}})
+    _once(f"{state}'", text, state in part["field"])
     part["field"][state] = _expression(read, number, f"{state}'", text)
 
 
 def _add_image(read: _Read, number: int, state: str, text: str) -> None:
     part = read.pieces.setdefault(read.part or "map", {"image": {}, "where": []})
+    _once(f"{state} ->", text, state in part["image"])
     part["image"][state] = _expression(read, number, f"{state} ->", text)
 
 
@@ -186,16 +194,19 @@ def _parameters(read: _Read, number: int, rest: str) -> None:
         name, equals, value = part.partition("=")
         if not equals:
             raise DefinitionError("parameters", part, "a name and a number, as a = 1.5")
+        _once("parameters", part, name.strip() in read.parameters)
         read.parameters[name.strip()] = _number(name.strip(), value)
 
 
 def _bounds(read: _Read, number: int, rest: str) -> None:
     found = _matched(_BOUNDS, "bounds", rest, "a from 0 to 1")
+    _once("bounds", rest, found[1] in read.bounds)
     read.bounds[found[1]] = _number(found[1], found[2]), _number(found[1], found[3])
 
 
 def _phase(read: _Read, number: int, rest: str) -> None:
     found = _matched(_PHASE, "phase", rest, "theta' = w")
+    _once("phase", rest, read.phase is not None)
     read.phase = found[1], _expression(read, number, f"phase {found[1]}'", found[2])
 
 
@@ -217,6 +228,7 @@ def _mode(read: _Read, number: int, rest: str) -> None:
         left, sign, zero = text.rpartition(between)
         if not key or not sign or zero.strip() != "0":
             raise DefinitionError(f"mode {name!r}", condition, "where EXPRESSION > 0, or on EXPRESSION = 0")
+        _once(f"mode {name!r}", condition, key in made)
         made[key] = _expression(read, number, f"mode {name!r}", left.strip())
 
 
@@ -241,6 +253,7 @@ def _transition(read: _Read, number: int, rest: str) -> None:
         state, assigned, text = part.partition(":=")
         if not assigned:
             raise DefinitionError(where, part, "x := EXPRESSION")
+        _once(where, part, state.strip() in reset)
         reset[state.strip()] = _expression(read, number, where, text.strip())
     made: dict[str, Any] = {
         "source": source, "target": target, "event": event, "direction": _DIRECTIONS[way], "reset": reset,
@@ -255,8 +268,11 @@ def _output(read: _Read, number: int, rest: str) -> None:
     name, equals, text = (part.strip() for part in rest.partition("="))
     if not equals or not name or not text:
         raise DefinitionError("output", rest, "NAME = EXPRESSION, or NAME = EXPRESSION in MODE; EXPRESSION in MODE")
+    _once(f"output {name!r}", text, name in read.outputs)
     by_mode = [part.strip().rpartition(" in ") for part in text.split(";")]
     if all(mode for _, mode, _ in by_mode):
+        modes = [mode for _, _, mode in by_mode]
+        _once(f"output {name!r}", text, len({*modes}) < len(modes))
         read.outputs[name] = {mode: _expression(read, number, f"output {name!r}", each) for each, _, mode in by_mode}
     else:
         read.outputs[name] = _expression(read, number, f"output {name!r}", text)

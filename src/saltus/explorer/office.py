@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from saltus.errors import InputError, SaltusError
 from saltus.explorer.desk import DELETED, Desk
-from saltus.explorer.session import Session, folder_of, new_folder, removed, sessions_in
+from saltus.explorer.session import Session, folder_of, is_vacant, new_folder, removed, sessions_in
 from saltus.explorer.session_lock import SessionLock
 
 if TYPE_CHECKING:
@@ -197,13 +198,24 @@ class Office:
             self._unlock(folder)
             removed(folder)
 
+    def sweep(self) -> None:
+        """Remove the folders without results that killed servers have left; those of a living server are locked."""
+        for folder in [folder for folder, notes in sessions_in(self.home) if not notes["entries"]]:
+            lock, vacant = SessionLock(folder), False
+            with suppress(InputError):  # another server has it open, or has just removed it
+                lock.take()
+                vacant = is_vacant(folder)
+            lock.release()
+            if vacant:
+                removed(folder)
+
     def close(self) -> None:
         """Close all sessions, on purpose; those without results are removed."""
         for desk in [*self._desks.values()]:
             self._close(desk)
         for folder in self._empty.values():
-            if SessionLock(folder).is_free:
-                removed(folder)
+            self._unlock(folder)
+            removed(folder)
 
     def _close(self, desk: Desk) -> None:
         """Close a session on purpose: the next start does not offer it; a page that is loaded again finds it."""
@@ -211,6 +223,7 @@ class Office:
         self._desks.pop(folder.name, None)
         desk.close()
         desk.session.keep(closed=True)
-        if not desk.session.entries:
-            self._empty[folder.name] = folder
-        self._unlock(folder)
+        if desk.session.entries:
+            self._unlock(folder)
+        else:
+            self._empty[folder.name] = folder  # it stays locked: another server's start would remove it

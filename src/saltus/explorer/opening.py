@@ -76,6 +76,7 @@ def open_explorer(
         raise InputError("--token", token, f"of at least {_SHORTEST} characters")
     number = 0 if port is None else checks.count("port", port, 1, 65535)
     office = Office(application, subject, home_folder())
+    office.sweep()
     session = office.unfinished() if file is None else office.unpacked(file)
     given = {} if token is None else {"token": token}
     address = Address(host, number, **given)

@@ -10,6 +10,16 @@
     if (model) model.data = {wish: [JSON.stringify(asked)], at: [++said]}
   }
 
+  // what was said before this has reached the server when it answers; it may be gone, and then the page says so
+  const PATIENCE = 5000 // milliseconds
+  window.heard = () => new Promise(done => {
+    const model = modelOf('wishes'), mark = `leave ${++said}`
+    if (!model) return done(false)
+    model.properties.tags.change.connect(() => model.tags.includes(mark) && done(true))
+    setTimeout(() => done(false), PATIENCE)
+    wish(['leave', mark])
+  })
+
   document.addEventListener('click', event => {
     for (const node of event.composedPath()) {
       if (node.dataset?.copy) return navigator.clipboard.writeText(node.dataset.copy)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.basin_search import Search, map_plane
-from saltus.explorer.desk import Desk, Listener, Work
+from saltus.explorer.desk import FILM, Desk, Listener, Work
 from saltus.explorer.kinds import kind_of, motion_step
 from saltus.explorer.live import Live
 from saltus.explorer.numerics import with_numerics
@@ -89,7 +89,8 @@ class Page(Listener):
         self._film = widgets.film()
         self._tabs = widgets.tabs(**{"Results": self.list.panel, "Special points": self.points.panel})
         widgets.on_change(self._tabs, lambda active: self.points.seen() if active == 1 else None, "active")
-        self.wishes = Wishes(self.diagram.figure)
+        post, self.wishes = widgets.poster(), Wishes(self.diagram.figure)
+        self.wishes.on("leave", lambda mark: post(lambda: self.wishes.answer(mark)))
         for kind, work in self._works().items():
             self.wishes.on(kind, work)
         self._file = widgets.upload("open-session")
@@ -101,6 +102,8 @@ class Page(Listener):
             first = next((e for e in self.session.entries if e.step.noun in ("orbit", "equilibrium")), None)
             self.session.settings.selected = None if first is None else Place(of=first.name)
         self._show_all()
+        if (film := self.session.folder / FILM).is_file():
+            self._put_film(film)
         self.worked(desk.work)
 
     # ---- parts of the page ----
@@ -308,10 +311,13 @@ class Page(Listener):
 
     def filmed(self, path: Path) -> None:
         """Show a film that has come."""
+        self._put_film(path)
+        self._tabs.active = [*self._tabs].index(self._film)
+
+    def _put_film(self, path: Path) -> None:
         self._film[0].object = path.read_bytes()
         if self._film not in [*self._tabs]:
             self._tabs.append(("Film", self._film))
-        self._tabs.active = [*self._tabs].index(self._film)
 
     def added(self, entry: Entry) -> None:
         """Show a result that has come."""

@@ -14,6 +14,7 @@ from errno import EADDRINUSE
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from traceback import walk_tb
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import InputError, SaltusError
@@ -27,13 +28,16 @@ if TYPE_CHECKING:
     from saltus.explorer.page import Page
     from saltus.explorer.views.session_view import SessionView
 
-__all__ = ["LOOPBACK", "Address", "listening", "serve"]
+__all__ = ["LEFT", "LOOPBACK", "Address", "listening", "serve"]
 
 LOOPBACK = ("127.0.0.1", "localhost")  # names of this machine for itself
 _PORT = 8710  # tried first
 _TRIES = 5  # free ports that are tried after it: another program may be faster
 _COOKIE = "saltus_token"
+LEFT = "a page was left before the server had heard all of it: its last change is lost"
 _PACE = 40  # milliseconds between two looks at what processes say
+_LINGERS = 2000  # milliseconds that a page without a browser is kept: one that comes back is loaded again anyway
+_LOOKS = 1000  # milliseconds between two looks for such pages
 
 
 @dataclass(frozen=True)
@@ -169,6 +173,8 @@ def listening(office: Office, address: Address) -> tuple[Any, Address]:
                 "start": False,
                 "location": True,
                 "verbose": False,
+                "unused_session_lifetime_milliseconds": _LINGERS,
+                "check_unused_sessions_milliseconds": _LOOKS,
             }
             return pn.serve({"/": _page_of(office)}, **options), found  # another program may have been faster
         except OSError as error:
@@ -178,11 +184,31 @@ def listening(office: Office, address: Address) -> tuple[Any, Address]:
     raise InputError("address", f"{address.host}:{number}", "free", told)
 
 
+def _is_gone(record: logging.LogRecord) -> bool:
+    """Return whether a message is of a page that is gone: Bokeh has taken its session away before."""
+    from bokeh.server.connection import ServerConnection
+
+    error = record.exc_info[1] if record.exc_info else None
+    if not isinstance(error, AssertionError) or error.__traceback__ is None:
+        return False
+    *_, (frame, _) = walk_tb(error.__traceback__)
+    return frame.f_code is ServerConnection.session.fget.__code__
+
+
+def _told_shortly(record: logging.LogRecord) -> bool:
+    """Let each message pass; that a page has said something and was left is told in a line."""
+    if _is_gone(record):
+        record.msg, record.args, record.exc_info = LEFT, (), None
+    return True
+
+
 def _quieten(loop: Any) -> None:
-    """Say nothing of pages that are closed while something is sent to them."""
+    """Say little of pages that are closed while something is sent to them, or while they say something."""
     from tornado.websocket import WebSocketClosedError
 
     logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
+    logging.getLogger("bokeh.server.protocol_handler").addFilter(_told_shortly)
+    logging.getLogger("tornado.application").addFilter(lambda record: not _is_gone(record))  # closed twice
 
     def handle(own: Any, context: dict[str, Any]) -> None:
         if not isinstance(context.get("exception"), WebSocketClosedError):

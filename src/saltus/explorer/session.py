@@ -27,11 +27,12 @@ if TYPE_CHECKING:
     from saltus.result import Result
     from saltus.system import HybridSystem, Map
 
-__all__ = ["Entry", "Session", "Settings", "folder_of", "new_folder", "removed", "sessions_in", "told_end"]
+__all__ = ["Entry", "Session", "Settings", "folder_of", "is_vacant", "new_folder", "removed", "sessions_in", "told_end"]
 
 _NOTES = "session.json"  # file of a session's folder that has all but the results
 _FORMAT = 1  # of this file
 _LONGEST = 2**22  # bytes that it may have
+_RESULT = re.compile(r"[a-z]+[0-9]+")  # what a result is called
 _ID = re.compile(r"[0-9a-f]{12}")  # what a session's folder is called
 
 
@@ -380,6 +381,12 @@ def folder_of(home: Path, name: object) -> Path | None:
     return home / name
 
 
+def is_vacant(folder: Path) -> bool:
+    """Return whether a session's folder holds no results, neither in its notes nor as files."""
+    files = [path.stem for path in folder.glob("*.nc")]  # one of a killed server may not have come into the notes
+    return not _names(_read_notes(folder)) and not any(map(_RESULT.fullmatch, files))
+
+
 def removed(folder: Path) -> None:
     """Delete a session's folder."""
     shutil.rmtree(folder, ignore_errors=True)
@@ -409,7 +416,7 @@ def _checked(text: object, place: Path) -> Mapping[str, Any]:
         notes = json.loads(checks.text("session", text))
         if not isinstance(notes, dict) or notes["format"] != _FORMAT:
             raise InputError("session", str(place), f"a session of format {_FORMAT}")
-        if not all(re.fullmatch(r"[a-z]+[0-9]+", name) for name in _names(notes)):
+        if not all(map(_RESULT.fullmatch, _names(notes))):
             raise InputError("session", str(place), "one whose results are named as branch1")
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError("session", str(place), "a file or folder of a session", f"{type(error).__name__}") from None

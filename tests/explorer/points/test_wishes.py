@@ -20,3 +20,9 @@ def test_an_attribute_holds_any_name():
     told = wish("take", 'a"b', "<c>")
     assert "<" not in told
     assert unescape(told) == """data-wish="["take", "a\\"b", "<c>"]\""""
+
+
+def test_an_answer_travels_to_the_page():
+    wishes = Wishes(figure_of("some"))
+    wishes.answer("leave 3")
+    assert wishes.source.tags == ["leave 3"]

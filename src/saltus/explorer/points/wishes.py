@@ -37,12 +37,12 @@ class Wishes:
     def __init__(self, made: figure) -> None:
         from bokeh.models import ColumnDataSource
 
-        self._works: dict[str, Callable[..., None]] = {}
+        self._works: dict[str, Callable[..., object]] = {}
         self.source = ColumnDataSource({"wish": [], "at": []}, name="wishes")
         made.scatter("at", "at", source=self.source, visible=False)
         self.source.on_change("data", lambda attribute, before, now: self.take(now["wish"]))
 
-    def on(self, kind: str, work: Callable[..., None]) -> None:
+    def on(self, kind: str, work: Callable[..., object]) -> None:
         """Call a function with what is said after a kind."""
         self._works[kind] = work
 
@@ -52,3 +52,7 @@ class Wishes:
             kind, *said = json.loads(text)
             if kind in self._works:
                 self._works[kind](*said)
+
+    def answer(self, mark: str) -> None:
+        """Say that all that came before a mark is done."""
+        self.source.tags = [mark]

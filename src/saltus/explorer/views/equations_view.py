@@ -11,6 +11,7 @@ from saltus.errors import SaltusError
 from saltus.explorer import widgets
 from saltus.explorer.equations import LONGEST, equations_of, read_equations
 from saltus.explorer.subjects import Subject, of_system
+from saltus.explorer.views.session_view import link
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Session
@@ -47,13 +48,13 @@ class EquationsView:
         """Open a session of what is written, or say where it cannot be read."""
         try:
             subject = self._subject()
-            where = escape(self._defined(subject))
+            where = self._defined(subject)
         except SaltusError as error:
             self._told.css_classes = ["equations-told", "error"]
             self._told.object = escape(str(error))
             return
         self._told.css_classes = ["equations-told"]
-        self._told.object = f'The equations are read: <a href="?session={where}">open them</a>'
+        self._told.object = f"The equations are read: {link({'session': where}, 'open them')}"
 
     def _subject(self) -> Subject:
         """Return what is written, with the start of this session where the states are the same."""
