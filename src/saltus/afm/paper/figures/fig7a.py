@@ -104,7 +104,8 @@ def compute(progress: bool | Report = False) -> Iterator[tuple[str, Result]]:
     branch = response(_saturated_orbit(progress), BOUNDS, StepControl(largest=_STEP_TWO_MODES), progress)
     yield "two_modes", branch
     yield from _beside(branch, progress)
-    options = BranchOptions(coarse, events={"min_z": _EDGE}, stop_at="min_z")
+    steps = StepControl(largest=_STEP_TWO_MODES, deviation=_DEVIATION)  # between their points splines are taken
+    options = BranchOptions(steps, events={"min_z": _EDGE}, stop_at="min_z")
     start = _saturated_orbit(tolerance=_TOLERANCE)
     yield "responses", responses(start, {"D_rep_2": DAMPINGS}, BOUNDS, options, progress)
     tell(progress, "locus of the saddle-node")
