@@ -111,3 +111,9 @@ NAMES = [f"{module}.{name}" for module, names in gallery.public_names().items() 
 def test_a_public_name_has_an_example_in_its_docstring(name):
     module, _, last = name.rpartition(".")
     assert ">>> " in (inspect.getdoc(getattr(import_module(module), last)) or "")
+
+
+@pytest.mark.parametrize(("opening", "closing"), [(r"\Bigl(", r"\Bigr)"), (r"\Big(", r"\Big)"), (r"\bigl[", r"\bigr]")])
+def test_large_brackets_grow_with_what_they_enclose(opening, closing):
+    found = pages.with_fences(rf"{opening}\frac{{a}}{{b}}{closing}^2 + (c)")
+    assert found == rf"\left{opening[-1]}\frac{{a}}{{b}}\right{closing[-1]}^2 + (c)"

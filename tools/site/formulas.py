@@ -6,6 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import pages
 from docutils import nodes
 from math_core import LatexError, LatexToMathML
 from sphinx.application import Sphinx
@@ -22,7 +23,7 @@ _RANGES += ((0x25A0, 0x25FF), (0x27C0, 0x2AFF), (0x1D400, 0x1D7FF))
 def _mathml(writer: Any, node: nodes.Element, display: bool) -> str:
     """Convert one formula; what cannot be converted is a warning."""
     try:
-        return str(_CONVERTER.convert_with_local_state(node.astext(), displaystyle=display))
+        return str(_CONVERTER.convert_with_local_state(pages.with_fences(node.astext()), displaystyle=display))
     except LatexError as error:
         _LOGGER.warning("formula %s: %s", node.astext(), error, location=node)
         return writer.encode(node.astext())

@@ -17,6 +17,7 @@ OUTSIDE = {"CHANGELOG.md": "changes", "CONTRIBUTING.md": "contributing", "benchm
 GALLERY = "gallery/index"
 
 LINK = re.compile(r"\]\(([^)#:\s]+)?(#[^)\s]*)?\)")
+_OPENING, _CLOSING = re.compile(r"\\[bB]igl?(?=[(\[])"), re.compile(r"\\[bB]igr?(?=[)\]])")
 ITEM = re.compile(r"^(?:- |\d+\. ).*?(?=^(?:- |\d+\. |\S)|^$|\Z)", re.DOTALL | re.MULTILINE)
 FENCE = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
 DOOR = re.compile(r"^- \[!\[([^\]]*)\]\(([^)]*)\)\]\(([^)]*)\)\s+\*\*(.*?)\*\*[.:]?\s*(.*)", re.DOTALL)
@@ -121,3 +122,11 @@ def prepared(name: str, file: Path, below: list[str], blocks: dict[str, str]) ->
         entries = "\n".join(relative(page) for page in below)
         text += f"\n```{{toctree}}\n:hidden:{depth}\n{entries}\n```\n"
     return text
+
+
+def with_fences(formula: str) -> str:
+    """Return a formula whose large brackets grow with what they enclose.
+
+    Browsers leave a closing bracket of a given size small where it has an exponent.
+    """
+    return _CLOSING.sub(r"\\right", _OPENING.sub(r"\\left", formula))
