@@ -136,13 +136,7 @@ def slide(screen: Screen, clock: Clock) -> None:
     screen.fill("start-x", "0.7")
     screen.eventually(lambda: screen.column("portrait", "carried", "x"))  # the process that draws is ready
     page.evaluate(_DRAWN)
-    box = page.locator(".slider-F .noUi-handle").bounding_box()
-    x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
-    page.mouse.move(x, y)
-    page.mouse.down()
-    for k in range(_DRAG):
-        page.mouse.move(x + 0.5 * k, y)
-        screen.draw()
+    screen.drag("F", _DRAG, 0.5)
     page.mouse.up()
     screen.eventually(lambda: len(page.evaluate("() => window.drawn")) >= 4)
     drawn = page.evaluate("() => window.drawn")

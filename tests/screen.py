@@ -233,6 +233,16 @@ class Screen:
         self.click_at("diagram", x, y)
         self.until("selected", label)
 
+    def drag(self, slider: str, moves: int, by: float, frames: int = 1) -> None:
+        """Press a slider's handle and move it in steps of some pixels and frames; it is not let go."""
+        box = self.page.locator(f".slider-{slider} .noUi-handle").bounding_box()
+        x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
+        self.page.mouse.move(x, y)
+        self.page.mouse.down()
+        for k in range(moves):
+            self.page.mouse.move(x + by * k, y)
+            self.draw(frames)
+
     def until(self, name: str, text: str) -> None:
         """Wait until a part of the page has a text."""
         holds = f"([name, text]) => ({_TEXT})(name).includes(text)"

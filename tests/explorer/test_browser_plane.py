@@ -47,13 +47,7 @@ def test_motion_and_orbit_follow_a_slider(screen):
     screen.fill("start-x", "0.7")
     screen.eventually(lambda: screen.column("portrait", "carried", "x"))  # the process that draws is ready
     page.evaluate(_COUNT)
-    box = page.locator(".slider-a .noUi-handle").bounding_box()
-    x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
-    page.mouse.move(x, y)
-    page.mouse.down()
-    for k in range(30):
-        page.mouse.move(x - 2.0 * k, y)
-        screen.draw(2)
+    screen.drag("a", 30, -2.0, frames=2)
     screen.eventually(lambda: len(page.evaluate("() => window.drawn")) >= 4)
     assert page.input_value(".parameter-a input") == "0.5"  # nothing is taken before it is let go
     page.mouse.up()

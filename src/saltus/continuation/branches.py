@@ -240,8 +240,7 @@ def continue_branch(
     >>> print(f"{abs(branch['SN1'].parameters['a']):.6f}")
     0.000000
     """
-    asked = directions, stop_at, events
-    return _branch(start, parameter, bounds, steps, progress, asked)
+    return _branch(start, parameter, bounds, None, steps, directions, events, stop_at, progress)
 
 
 def continue_until(
@@ -286,7 +285,7 @@ def continue_until(
     >>> [(sign, round(w, 4)) for sign, w in folds], [point.type for point in branch.special_points]
     ([(1.0, 1.7797)], ['SN'])
     """
-    branch: Branch = _branch(start, parameter, bounds, steps, progress, ("both", (), None), until)
+    branch: Branch = _branch(start, parameter, bounds, until, steps, "both", None, (), progress)
     return branch
 
 
@@ -294,13 +293,14 @@ def _branch(
     start: Any,
     parameter: str,
     bounds: tuple[float, float],
+    until: Callable[[Any, float], bool] | None,
     steps: StepControl | None,
+    directions: str,
+    events: Mapping[str, float | str] | None,
+    stop_at: str | Iterable[str],
     progress: bool | Report,
-    asked: tuple[str, str | Iterable[str], Mapping[str, float | str] | None],
-    until: Callable[[Any, float], bool] | None = None,
 ) -> Any:
-    """Return the branch through a solution; `asked` are directions, types at which it ends, and events."""
-    directions, stop_at, events = asked
+    """Return the branch through a solution; see `continue_branch`, and `continue_until` for `until`."""
     control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
     reporter = Reporter(progress)
     kind = branch_run(start, parameter)

@@ -230,15 +230,18 @@ def _from_afar(
         if landed is not None and (found := _followed_down(landed, Zc_nm, far, steps)) is not None:
             return (found,)
         branch = whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down"))
-    if _comes_to(branch, Zc_nm):
-        return branch.at(max(float(branch.values.min()), Zc_nm))
-    # it ends where a hysteretic law is met: beyond, the motion is another
-    return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.solution(-1).x0, settle=patience),)
+    # where it ends before, a hysteretic law is met: beyond, the motion is another
+    return _at_distance(branch, Zc_nm) or (
+        find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.solution(-1).x0, settle=patience),
+    )
 
 
-def _comes_to(branch: Branch, Zc_nm: float) -> bool:
-    """Return whether a branch towards the sample comes to a distance, but for rounding."""
-    return float(branch.values.min()) - Zc_nm <= _ROUNDING * float(branch.values.max())
+def _at_distance(branch: Branch, Zc_nm: float) -> tuple[PeriodicOrbit, ...]:
+    """Return the orbits at a distance of a branch towards the sample; none where it ends before, but for rounding."""
+    end = float(branch.values.min())
+    if end - Zc_nm > _ROUNDING * float(branch.values.max()):
+        return ()
+    return branch.at(max(end, Zc_nm))
 
 
 def _followed_down(orbit: PeriodicOrbit, Zc_nm: float, far: float, steps: StepControl) -> PeriodicOrbit | None:
@@ -249,8 +252,8 @@ def _followed_down(orbit: PeriodicOrbit, Zc_nm: float, far: float, steps: StepCo
     if orbit.parameters["Zc_nm"] <= Zc_nm:
         return None
     way = whole(continue_orbit(orbit, "Zc_nm", (Zc_nm, far), steps=steps, directions="down", stop_at=UNSTABLE_FROM))
-    if _comes_to(way, Zc_nm):
-        return way.at(max(float(way.values.min()), Zc_nm))[0]
+    if there := _at_distance(way, Zc_nm):
+        return there[0]
     found = settled(orbit.system, {**orbit.parameters, "Zc_nm": Zc_nm}, way.solution(-1).x0)
     return None if isinstance(found, str) or found.form.turns > 1 else found
 

@@ -60,15 +60,20 @@ class Spectrum(NamedTuple):
     """Values at a place of a branch, and those a little aside."""
 
     values: NDArray[np.complex128]
-    beside: NDArray[np.complex128]
+    beside: NDArray[np.complex128]  # in any order
     away: float  # distance of these, in lengths of the step
 
 
 class _Place(NamedTuple):
-    """A fraction of a step, and its values."""
+    """A fraction of a step, its values, and those beside in the same order."""
 
     share: float
     known: Spectrum
+
+    @classmethod
+    def at(cls, share: float, known: Spectrum) -> _Place:
+        """Return a place at which values are known with those beside in any order."""
+        return cls(share, known._replace(beside=_matched(known.values, known.beside)))
 
 
 def circle_tests(values: list[complex]) -> Tested:
@@ -200,7 +205,7 @@ def several_critical(
     if not all(np.all(np.isfinite(values)) for values in (centre, *first[:2], *last[:2])):
         return None
     zeros: list[list[float]] = [[], [], []]
-    parts = [(_Place(0.0, first), _Place(1.0, last), centre, 0)]
+    parts = [(_Place.at(0.0, first), _Place.at(1.0, last), centre, 0)]
     looked = 0
     while parts:
         left, right, middle, depth = parts.pop()
@@ -214,7 +219,7 @@ def several_critical(
             more = spectra(np.array([at - quarter, at + ASIDE, at + quarter]))
             if not np.all(np.isfinite(more)):
                 return None
-            half = _Place(at, Spectrum(middle, more[1], ASIDE))
+            half = _Place.at(at, Spectrum(middle, more[1], ASIDE))
             parts += [(left, half, more[0], depth + 1), (half, right, more[2], depth + 1)]
             continue
         for known, new in zip(zeros, found, strict=False):
@@ -288,12 +293,7 @@ def _zeros_of_part(
     first, last = left.known, right.known
     order = _order(first.values, last.values)
     length = right.share - left.share
-    ends = [
-        first.values,
-        _matched(first.values, first.beside),
-        last.values[order],
-        _matched(last.values, last.beside)[order],
-    ]
+    ends = [first.values, first.beside, last.values[order], last.beside[order]]
     slopes = length / first.away, length / last.away
     groups = _groups(ends[0], ends[2])
     sets = [[values[group].tolist() for values in ends] for group in groups]

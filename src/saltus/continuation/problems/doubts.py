@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from saltus.continuation.core.zero_problem import Point
     from saltus.continuation.problems.orbit_data import OrbitData
 
-__all__ = ["DOUBT", "searched"]
+__all__ = ["DOUBT", "search_between"]
 
 DOUBT = "events: multipliers may become critical and come back within the step"
 _PARTS = 8  # parts of a step that are looked at before it is taken back
 _LARGE = 1e10  # size from which on a multiplier counts as this
 
 
-def searched(
+def search_between(
     spectrum: Callable[[NDArray[np.float64]], NDArray[np.complex128]], a: Point, b: Point, data: OrbitData
 ) -> tuple[bool | None, OrbitData]:
     """Return whether a step may pass over special points, None if it was not searched, and more data of its end.

@@ -16,7 +16,7 @@ import numpy as np
 from saltus.continuation.core.arclength import RESTS, ROUNDED
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
-from saltus.continuation.problems.doubts import DOUBT, searched
+from saltus.continuation.problems.doubts import DOUBT, search_between
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
@@ -252,7 +252,7 @@ class OrbitZeroProblem:
             monitors[name], fault, self._crossed = ends[1], None, way.real
         several = None
         if fault is None and not self.neutral:
-            several, data = searched(self._spectrum, before, point, data)
+            several, data = search_between(self._spectrum, before, point, data)
             problem.set_parameters(point.u)
             fault = DOUBT if several else None
         single = [name for name in monitors if name.kind in ("PD", "BP", "TR")] if several is False else []
