@@ -214,6 +214,19 @@ def test_a_reload_keeps_parameters_and_bounds(opened, ball):
     assert screen.page.locator(".select-sweep select").evaluate("s => s.selectedOptions[0].innerText") == "a"
 
 
+@pytest.mark.usefixtures("own_page")
+def test_what_the_server_has_heard_is_kept(opened, ball):
+    screen = opened(ball)
+    notes = ball.with_name(screen.page.evaluate("new URL(location).searchParams.get('session')")) / "session.json"
+    for parameter, sweep in zip("aegae", "egaga", strict=True):
+        screen.page.select_option(".select-sweep select", sweep)
+        screen.page.select_option(".select-parameter select", parameter)
+        screen.heard()
+        chosen = json.loads(notes.read_text())["chosen"]
+        assert (chosen["parameter"], chosen["sweep"]) == (parameter, sweep)
+        assert chosen["and"] != parameter
+
+
 def test_list_page_and_picture_have_the_same_colours(opened, ball, tmp_path):
     screen = opened(ball)
     screen.fill("axis-y", "z")

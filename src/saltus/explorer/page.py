@@ -89,8 +89,8 @@ class Page(Listener):
         self._film = widgets.film()
         self._tabs = widgets.tabs(**{"Results": self.list.panel, "Special points": self.points.panel})
         widgets.on_change(self._tabs, lambda active: self.points.seen() if active == 1 else None, "active")
-        post, self.wishes = widgets.poster(), Wishes(self.diagram.figure)
-        self.wishes.on("leave", lambda mark: post(lambda: self.wishes.answer(mark)))
+        settled, self.wishes = widgets.settler(), Wishes(self.diagram.figure)
+        self.wishes.on("leave", lambda mark: settled(lambda: self.wishes.answer(mark)))
         for kind, work in self._works().items():
             self.wishes.on(kind, work)
         self._file = widgets.upload("open-session")

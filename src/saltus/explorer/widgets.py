@@ -30,6 +30,7 @@ __all__ = [
     "poster",
     "quantity",
     "row",
+    "settler",
     "side_by_side",
     "slider",
     "tabs",
@@ -39,6 +40,7 @@ __all__ = [
 ]
 
 _FILM = 640  # pixels of a film's width
+_TURNS = 4  # turns of the server's loop that a change and those that it makes may need
 _MARGIN = (2, 4)  # pixels above and below, left and right
 
 
@@ -70,6 +72,25 @@ def poster() -> Callable[[Callable[[], None]], object]:
     """Return a function that does work soon, with the lock of the page that is made now; at once without a server."""
     document = pn.state.curdoc
     return (lambda work: work()) if document is None else document.add_next_tick_callback
+
+
+def settler() -> Callable[[Callable[[], None]], object]:
+    """Return a function that does work once all changes of widgets that a page has sent so far are taken in.
+
+    Panel hands a change on after a pause, and a change that makes another needs more turns of the server's loop.
+    """
+    document, post = pn.state.curdoc, poster()
+
+    def after(turns: int, work: Callable[[], None]) -> None:
+        if turns == 0:
+            work()
+        else:
+            post(lambda: after(turns - 1, work))
+
+    if document is None:
+        return post
+    pause = pn.reactive.Syncable._debounce
+    return lambda work: document.add_timeout_callback(lambda: after(_TURNS, work), pause)
 
 
 def _locked(work: Callable[[Any], object]) -> Any:
