@@ -215,3 +215,31 @@ def test_a_loop_of_nonsmooth_folds_is_followed_once():
     last, met = branch.solution(0), branch.special_points[-1].map_orbit
     assert last.parameters["r"] == pytest.approx(met.parameters["r"], abs=1e-9)
     assert sorted(last.points[:, 0]) == pytest.approx(sorted(met.points[:, 0]), abs=1e-9)
+
+
+@pytest.mark.parametrize("largest", [0.03, 0.1])
+@pytest.mark.parametrize(
+    ("kinds", "blocks"),
+    [
+        ("TR TR", ("turns 1.3", "turns 2.1")),
+        ("PD PD", ("flips", "flips")),
+        ("BP BP", ("grows", "grows")),
+        ("TR PD", ("turns 1.3", "flips")),
+    ],
+)
+def test_values_that_change_sides_in_opposite_directions_are_told(kinds, blocks, largest):
+    """A block leaves the unit circle at p = 0 as another one enters at p = 0.003."""
+    images = {}
+    for k, (block, size) in enumerate(zip(blocks, ("(1 + 0.2*p)", "(1 - 0.2*(p - 0.003))"), strict=True)):
+        what, _, angle = block.partition(" ")
+        x, y = f"x{k}", f"y{k}"
+        if what == "turns":
+            c, s = math.cos(float(angle)), math.sin(float(angle))
+            images[x] = f"{size}*({c}*{x} - {s}*{y}) - {x}*({x}**2 + {y}**2)"
+            images[y] = f"{size}*({s}*{x} + {c}*{y}) - {y}*({x}**2 + {y}**2)"
+        else:
+            images[x] = f"{'-' if what == 'flips' else ''}{size}*{x} - {x}**3"
+    blocked = Map(tuple(images), {"p": -1.0}, images)
+    branch = branch_of(blocked, "p", (-1.0, 1.0), np.zeros(len(images)), steps=StepControl(largest=largest))
+    assert " ".join(point.type for point in branch.special_points) == kinds
+    assert [point.parameters["p"] for point in branch.special_points] == pytest.approx([0.0, 0.003], abs=1e-9)

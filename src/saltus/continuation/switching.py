@@ -30,16 +30,7 @@ from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import RESTING
-from saltus.orbits.signature import (
-    CLOSED_END,
-    CUT_END,
-    DIRECTION,
-    DURATION,
-    PHASE_END,
-    WHEN,
-    WHOLE,
-    Signature,
-)
+from saltus.orbits.signature import CLOSED_END, CUT_END, ON_BORDER, PHASE_END, WHOLE, Signature
 from saltus.orbits.soundness import sound_orbit
 from saltus.solution import Solution
 
@@ -399,6 +390,5 @@ def grazing_orbits(point: SpecialPoint) -> list[PeriodicOrbit]:
             other = OrbitProblem(orbit.system, beside.signature, p, tol=orbit.tolerance)
             other.start(beside.u)
             again = orbit_at(other, beside.u, other.resolve(beside.u)[1])
-            # where a duration or a velocity vanishes, its sign is rounding
-            found.append(replace(again, faults=again.faults & ~(DURATION | DIRECTION | WHEN)))
+            found.append(replace(again, faults=again.faults & ~ON_BORDER))
     return found

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BEYOND", "BOUNDARY", "CLOSED_END", "COARSE", "CUT_END", "DIRECTION", "DOMAIN", "DURATION", "EARLY", "EVENT_END",
-    "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "SPEED", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Segment",
-    "Signature", "Survey", "events_between", "path_of", "signature_from",
+    "FAULTS", "MEAN_END", "ON_BORDER", "PHASE_END", "SECTION", "SPEED", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE",
+    "Segment", "Signature", "Survey", "events_between", "path_of", "signature_from",
 ]  # fmt: skip
 
 # Ways in which a segment ends: docs/theory/orbits.md.
@@ -47,6 +47,8 @@ VALUE = 32
 COARSE = 64  # a step of the mesh passed over something
 BEYOND = 128
 SPEED = 256
+# Bits that are rounding where the signature changes: what vanishes there has no sign.
+ON_BORDER = DURATION | DIRECTION | EARLY | WHEN
 
 # What an event does to motions that meet its surface.
 BOUNDARY = 0  # leads to another mode, so that the mode's motions are on one side

@@ -26,6 +26,9 @@ _AT_ONE = {"SN": 1.0, "BP": 1.0, "CP": 1.0, "PD": -1.0, "GPD": -1.0}  # places o
 _ON_CIRCLE = ("TR", "CH")  # types with a pair on the unit circle
 _AT_ANGLES = {"R1": 0.0, "R2": math.pi, "R3": 2.0 * math.pi / 3.0, "R4": 0.5 * math.pi}  # their angles at resonances
 
+# types at which two things happen to different multipliers
+_TWICE = {"FF": ("SN", "PD"), "FNS": ("SN", "TR"), "PDNS": ("PD", "TR"), "NSNS": ("TR", "TR")}
+
 
 def spectrum(
     steps: Sequence[NDArray[np.float64]], sizes: NDArray[np.float64], dropped: int = 0, least: float = _LEAST
@@ -94,11 +97,18 @@ def matched(
 
 def has_multiplier_condition(kind: str) -> bool:
     """Whether a type of special points is told by the place of a multiplier."""
-    return kind in _AT_ONE or kind in _ON_CIRCLE or kind in _AT_ANGLES
+    return any(kind in known for known in (_AT_ONE, _ON_CIRCLE, _AT_ANGLES, _TWICE))
 
 
 def multiplier_condition(values: NDArray[np.complex128], kind: str, multiplicity: int = 1) -> list[Row]:
     """Return the check that multipliers lie at the place that a type of special points has."""
+    if kind in _TWICE:
+        one, other = _TWICE[kind]
+        if one != other:
+            return [*multiplier_condition(values, one), *multiplier_condition(values, other)]
+        pairs = np.sort(np.abs(np.abs(values[values.imag > 0.0]) - 1.0))
+        found = float(pairs[1]) if pairs.size > 1 else math.nan
+        return [compared("two critical pairs, from the unit circle", 0.0, found, 1e-6)]
     allowed = 1e-6 if multiplicity == 1 else 1e-3
     name = "critical multiplier" if multiplicity == 1 else f"critical multipliers, {multiplicity} of them"
     if kind in _AT_ONE:

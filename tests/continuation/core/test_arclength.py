@@ -31,6 +31,7 @@ class Toy:
         self.function, self.jacobian, self.bounds, self.branching = function, jacobian, bounds, branching
         self.unknowns = unknowns
         self.singular = frozenset({DETERMINANT} if branching else ())
+        self.continuous = ()
         self.departed, self.forbidden = 0, math.inf
 
     def evaluate(self, u):

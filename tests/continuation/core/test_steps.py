@@ -173,6 +173,7 @@ class Circle:
     """The unit circle as a zero problem whose mesh is fine enough only after so many evaluations."""
 
     singular = frozenset()
+    continuous = ()
 
     def __init__(self, patience):
         self.patience, self.evaluations = patience, 0

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from saltus.continuation.core.within_step import border_tests, circle_tests, searched, steady
+from saltus.continuation.core.value_tests import border_tests, circle_tests
+from saltus.continuation.core.within_step import searched, steady
 
 
 def _several(values, tests):

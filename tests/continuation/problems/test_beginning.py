@@ -37,6 +37,7 @@ def test_a_condition_begins_to_hold_where_a_closed_form_says(direction, when, st
     (point,) = branch.special_points
     assert (point.type, point.parameters["F"]) == ("BC", pytest.approx(force(), rel=1e-12))
     assert branch.admissible.all()
+    assert point.orbit.admissible
     assert [len(branch.at(F)[0].segments) for F in (0.3, 0.5)] == [1, 1]
     assert [branch.at(F)[0].segments[0].transition for F in (0.3, 0.5)] == ["s", "counted"]
 

@@ -78,11 +78,19 @@ def _runs_out(name: Any, old: float, value: float) -> bool:
 
 
 def _happens(problem: ZeroProblem, name: Any, a: Point, b: Point) -> bool:
-    """Return whether an event lies in a short step without doubt: a bound, or a meeting that changes stability."""
-    if isinstance(name, Monitor) and name.kind in ("low", "high"):
+    """Return whether an event lies in a short step without doubt.
+
+    It does at a bound, where a function that has no poles changes its sign, and at a meeting that changes stability.
+    """
+    if _certain(problem, name) or (isinstance(name, Monitor) and name.kind in ("low", "high")):
         return True
     counts = [getattr(point.examined.data, "unstable", None) for point in (a, b)]
     return name in problem.singular and None not in counts and counts[0] != counts[1]
+
+
+def _certain(problem: ZeroProblem, name: Any) -> bool:
+    """Return whether a monitor function has no poles, so that it vanishes where its sign changes."""
+    return isinstance(name, Monitor) and name.kind in problem.continuous
 
 
 def _between(name: Any, a: Point, b: Point, fa: float, fb: float) -> Event:
@@ -148,7 +156,7 @@ def locate(
             size = float(np.abs(step / scale).max())
         if residual <= 1e-13:
             step, size = np.zeros_like(step), 0.0
-        if sign == 0.0 and name in problem.singular:  # met exactly
+        if sign == 0.0 and (name in problem.singular or (_certain(problem, name) and abs(s - known[-1][0]) < _ASIDE)):
             point = Point(u, J, tangent, a.weights, sign, log, residual, 1, a.arc + s * length)
             point.examined = problem.examine(point, None)
             return Event(name, point, 0.0)

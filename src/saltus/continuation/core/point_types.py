@@ -66,6 +66,15 @@ POINT_TYPES: Mapping[str, PointType] = MappingProxyType(
         "R3": PointType("strong resonance 1:3", "resonance 1:3", "h", _BROWN, loci=_BOTH, locus="TR", size=6.0),
         "R4": PointType("strong resonance 1:4", "resonance 1:4", "X", _BROWN, loci=_BOTH, locus="TR", size=6.0),
         "FF": PointType("fold-flip", "fold-flip", "P", _INK, loci=_BOTH, locus="SN", size=6.0),
+        "FNS": PointType(
+            "fold-Neimark-Sacker", "fold-Neimark-Sacker", "p", _INK, loci=_BOTH, locus="SN", filled=False, size=6.0
+        ),
+        "PDNS": PointType(
+            "flip-Neimark-Sacker", "flip-Neimark-Sacker", "v", _BROWN, loci=_BOTH, locus="PD", filled=False, size=6.0
+        ),
+        "NSNS": PointType(
+            "double Neimark-Sacker", "double Neimark-Sacker", "h", _INK, loci=_BOTH, locus="TR", filled=False, size=6.0
+        ),
         "BT": PointType("Bogdanov-Takens", "Bogdanov-Takens", "*", _INK, loci=_REST, locus="HB", size=8.0),
         "GH": PointType(
             "generalised Hopf (Bautin)", "generalised Hopf", "v", _INK, loci=_REST, locus="HB", filled=False, size=6.0

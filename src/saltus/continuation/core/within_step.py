@@ -7,11 +7,14 @@ Values that meet are taken together, since symmetric functions of them stay smoo
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from saltus.continuation.core.value_tests import PAIRED, Tested
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,9 +24,6 @@ if TYPE_CHECKING:
 __all__ = [
     "ASIDE",
     "Spectrum",
-    "Tested",
-    "border_tests",
-    "circle_tests",
     "dips",
     "searched",
     "several_critical",
@@ -35,7 +35,6 @@ _DEEPEST = 10  # most times that a part of a step is halved
 _MOST = 200  # parts looked at, from which on none is halved
 _DOUBT = 2.0  # factor on what a cubic misses in the middle of a part
 _BENT = 0.25  # the same over the change in the part, up to which a function that changes its sign does so once
-_FAR = 0.15  # size of multipliers up to which they are far from critical, as beyond its inverse
 _MOVED = 0.3  # way of a value in a step over its scale, up to which it is taken to move steadily
 _UNEVEN = 8.0  # factor on the curvature of a function that is taken to change steadily
 _AGREED = 0.01  # the same up to which the values of one function are taken to be followed, not mistaken for others
@@ -43,17 +42,6 @@ _CURVED = 2.0  # factor on the curvature of a function when two zeros within a s
 _ROUNDED = 1e-9  # function over its size, up to which its sign is rounding
 _BISECTIONS = 30  # of the search for a zero
 _ALIKE = 1e-5  # distance of two zeros, in steps, up to which they are one of equal values
-_PAIRED = 1e-12  # imaginary part over the size, from which on a value is one of a complex pair
-
-
-class Tested(NamedTuple):
-    """Functions of values that belong together; docs/theory/equilibria.md lists them."""
-
-    values: list[float]
-    sizes: list[float]  # changes of the functions as the values change by their sizes
-    turns: bool  # whether the values are a complex pair
-    far: bool  # whether they are so far from critical that they cannot come there and back in a step
-    scale: float  # way of the values that is neither short nor long
 
 
 class Spectrum(NamedTuple):
@@ -76,51 +64,6 @@ class _Place(NamedTuple):
         return cls(share, known._replace(beside=_matched(known.values, known.beside)))
 
 
-def circle_tests(values: list[complex]) -> Tested:
-    """Return functions of multipliers that vanish at 1, at -1, and for a pair at the unit circle.
-
-    They are bounded, and smooth where one or two multipliers pass infinity but for their sign.
-    """
-    if len(values) == 2:
-        a, b = values
-        total, product, one, other = (a + b).real, (a * b).real, 1.0 + abs(a), 1.0 + abs(b)
-        unit = math.hypot(1.0, total, product)
-        rows = [
-            (1.0 - total + product, one * abs(1.0 - b) + other * abs(1.0 - a)),
-            (1.0 + total + product, one * abs(1.0 + b) + other * abs(1.0 + a)),
-            (1.0 - product, 1.0 + abs(product)),
-        ]
-    else:
-        unit, rows = math.prod(math.hypot(1.0, abs(value)) for value in values), []
-        for side in (1.0, -1.0):
-            distance, change = 1.0 + 0.0j, 0.0
-            for value in values:
-                own, size = 1.0 - side * value, 1.0 + abs(value)
-                distance, change = distance * own, change * abs(own) + abs(distance) * size
-            rows.append((distance.real, change))
-    sizes = [abs(value) for value in values]
-    far = max(sizes) < _FAR or min(sizes) > 1.0 / _FAR
-    return Tested(
-        [value / unit for value, _ in rows], [size / unit for _, size in rows], _turns(values), far, max(1.0, *sizes)
-    )
-
-
-def border_tests(values: list[complex]) -> Tested:
-    """Return functions of eigenvalues that vanish at 0, and for a pair at the imaginary axis."""
-    product, size = 1.0 + 0.0j, 1.0
-    for value in values:
-        product, size = product * value, size * (1e-3 + abs(value))
-    found, sizes = [product.real], [size]
-    if len(values) == 2:
-        found.append((values[0] + values[1]).real)
-        sizes.append(1e-3 + abs(values[0]))
-    return Tested(found, sizes, _turns(values), far=False, scale=min(abs(value.real) for value in values))
-
-
-def _turns(values: list[complex]) -> bool:
-    return len(values) == 2 and abs(values[0].imag) > _PAIRED * abs(values[0])
-
-
 def steady(
     rows: Sequence[Iterable[complex]], lengths: tuple[float, float], tests: Callable[[list[complex]], Tested]
 ) -> bool:
@@ -135,8 +78,11 @@ def steady(
     tests : callable
         `circle_tests` or `border_tests`.
     """
-    groups: list[tuple[list[complex], ...]] = []
-    for row in zip(*map(list, rows), strict=True):
+    before, first, last = (np.array(list(row), dtype=np.complex128) for row in rows)
+    if np.any(_matched(first + (first - before) * (lengths[1] / lengths[0]), last) != last):
+        return False  # two values may have changed places
+    groups: list[tuple[bool, list[Tested]]] = []
+    for row in zip(before.tolist(), first.tolist(), last.tolist(), strict=True):
         known = [tests([value]) for value in row]
         if all(test.far for test in known):
             continue
@@ -146,14 +92,16 @@ def steady(
         if len(above) > 1 or len(below) > 1:
             return False
         if True in above:
-            groups.append(tuple([value, value.conjugate()] for value in row))
+            groups.append((True, [tests([value, value.conjugate()]) for value in row]))
         elif True not in below:
-            groups.append(tuple([value] for value in row))
-    return not any(
-        dips(list(values), *lengths, _UNEVEN)
-        for group in groups
-        for values in zip(*(tests(own).values for own in group), strict=True)
-    )
+            groups.append((False, known))
+    changed: Counter[tuple[bool, int]] = Counter()
+    for paired, group in groups:
+        for kind, (back, start, end) in enumerate(zip(*(own.values for own in group), strict=True)):
+            if dips([back, start, end], *lengths, _UNEVEN):
+                return False
+            changed[paired, kind] += (start < 0.0) != (end < 0.0)
+    return max(changed.values(), default=0) < 2
 
 
 def searched(
@@ -242,8 +190,8 @@ def _groups(first: NDArray[np.complex128], last: NDArray[np.complex128]) -> list
     group = list(range(size))
     for values in (first, last):
         known: list[complex] = values.tolist()
-        open_pairs = [i for i in range(size) if known[i].imag > _PAIRED * abs(known[i])]
-        below = [i for i in range(size) if known[i].imag < -_PAIRED * abs(known[i])]
+        open_pairs = [i for i in range(size) if known[i].imag > PAIRED * abs(known[i])]
+        below = [i for i in range(size) if known[i].imag < -PAIRED * abs(known[i])]
         for i in open_pairs:
             j = min(below, key=lambda k: abs(known[k] - known[i].conjugate()))
             below.remove(j)
@@ -290,21 +238,10 @@ def _zeros_of_part(
     final: bool,
 ) -> list[list[float]] | None:
     """Return the zeros of each function in a part of a step, in steps; None where halves must tell."""
-    first, last = left.known, right.known
-    order = _order(first.values, last.values)
     length = right.share - left.share
-    ends = [first.values, first.beside, last.values[order], last.beside[order]]
-    slopes = length / first.away, length / last.away
-    groups = _groups(ends[0], ends[2])
-    sets = [[values[group].tolist() for values in ends] for group in groups]
-    expected: list[complex] = []
-    for own in sets:
-        if len(own[0]) > 2:
-            expected += [0.5 * (a + b) for a, b in zip(own[0], own[2], strict=True)]
-            continue
-        rows = [[sum(v).real] if len(v) == 1 else [sum(v).real, (v[0] * v[1]).real] for v in own]
-        expected += _roots([_slopes(known, slopes) for known in zip(*rows, strict=True)])
-    there: list[complex] = _matched(np.array(expected), middle).tolist()
+    slopes = length / left.known.away, length / right.known.away
+    ways = [_way(left.known, right.known, middle, slopes, order) for order in _orders(left.known, right.known, slopes)]
+    sets, there, _ = min(ways, key=lambda way: way.missed)
     found: list[list[float]] = [[], [], []]
     at = 0
     for own in sets:
@@ -314,7 +251,7 @@ def _zeros_of_part(
         results, now = [tests(values) for values in own], tests(inside)
         if now.far and all(result.far for result in results):
             continue
-        meets = count == 1 and abs(inside[0].imag) > _PAIRED * abs(inside[0])
+        meets = count == 1 and abs(inside[0].imag) > PAIRED * abs(inside[0])
         if (meets or count > 2) and not final:
             return None
         turning = results[0].turns, now.turns, results[2].turns
@@ -335,16 +272,67 @@ def _zeros_of_part(
     return found
 
 
+class _Way(NamedTuple):
+    """What becomes of values in a part of a step."""
+
+    sets: list[list[list[complex]]]  # values that belong together, at an end and beside it, at both ends
+    there: list[complex]  # those in the middle, in the same order
+    missed: float  # distance of these from the cubics through the ends
+
+
+def _way(
+    first: Spectrum,
+    last: Spectrum,
+    middle: NDArray[np.complex128],
+    slopes: tuple[float, float],
+    order: NDArray[np.intp],
+) -> _Way:
+    """Return the way of values through the middle of a part to those at its end, which are taken in an order."""
+    ends = [first.values, first.beside, last.values[order], last.beside[order]]
+    sets = [[values[group].tolist() for values in ends] for group in _groups(ends[0], ends[2])]
+    expected: list[complex] = []
+    for own in sets:
+        if len(own[0]) > 2:
+            expected += [0.5 * (a + b) for a, b in zip(own[0], own[2], strict=True)]
+            continue
+        rows = [[sum(v).real] if len(v) == 1 else [sum(v).real, (v[0] * v[1]).real] for v in own]
+        expected += _roots([_slopes(known, slopes) for known in zip(*rows, strict=True)])
+    there = _matched(np.array(expected), middle)
+    return _Way(sets, there.tolist(), float(np.abs(there - expected).sum()))
+
+
+def _orders(first: Spectrum, last: Spectrum, slopes: tuple[float, float]) -> list[NDArray[np.intp]]:
+    """Return the orders of the values at the end of a part: of the nearest ones, and as their slopes tell."""
+    nearest = _order(first.values, last.values)
+    if first.values.size < 3:  # they are taken together
+        return [nearest]
+    from scipy.optimize import linear_sum_assignment
+
+    ahead = first.values + (first.beside - first.values) * slopes[0]
+    behind = last.values - (last.beside - last.values) * slopes[1]
+    apart = np.abs(ahead[:, None] - last.values) + np.abs(first.values[:, None] - behind)
+    led = np.asarray(linear_sum_assignment(apart)[1])
+    return [nearest] if np.all(last.values[led] == last.values[nearest]) else [nearest, led]
+
+
 def _slopes(known: Sequence[float], scale: tuple[float, float]) -> tuple[float, float, float, float]:
-    """Return value and slope of a function at both ends of a part, from its values there and beside."""
+    """Return value and slope at both ends of a part: of the cubic that a function's values there and beside lie on."""
     f, beside, g, other = known
-    return f, (beside - f) * scale[0], g, (other - g) * scale[1]
+    first, last = (beside - f) * scale[0], (other - g) * scale[1]
+    df, dg = first, last
+    for _ in range(2):  # each leaves the share of a part that lies between an end and the place beside
+        bend, twist = 3.0 * (g - f) - 2.0 * df - dg, 2.0 * (f - g) + df + dg
+        df = first - (bend + twist / scale[0]) / scale[0]
+        dg = last - (bend + 3.0 * twist + twist / scale[1]) / scale[1]
+    return f, df, g, dg
 
 
 def _order(values: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArray[np.intp]:
     """Return the places of the other values in the order of those to which they are nearest."""
     if values.size < 3:
-        return np.arange(values.size)
+        straight = np.arange(values.size)
+        crossed = straight[::-1]
+        return crossed if np.abs(values - others[crossed]).sum() < np.abs(values - others).sum() else straight
     from scipy.optimize import linear_sum_assignment
 
     return np.asarray(linear_sum_assignment(np.abs(values[:, None] - others))[1])

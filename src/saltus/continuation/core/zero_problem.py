@@ -59,9 +59,13 @@ class ZeroProblem(Protocol):
         Names of the monitor functions at whose zeros the equations bordered by a plane are singular.
     noise : mapping of name to float
         Rounding of some monitor functions at their zeros, over their size nearby.
+    continuous : tuple of str
+        Kinds of monitor functions without poles: where one changes its sign in a short step, it vanishes there,
+        whether Newton's method finds the place or not.
     """
 
     singular: frozenset[Any]
+    continuous: tuple[str, ...]
     noise: Mapping[Any, float]
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -16,7 +16,8 @@ import numpy as np
 from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.within_step import Tested, border_tests, searched
+from saltus.continuation.core.value_tests import Tested, border_tests
+from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
 from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.problems.watching import slope
@@ -86,6 +87,7 @@ class AlgebraicZeroProblem:
     singular = frozenset({_BP, _ZEROS})
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
+    continuous: tuple[str, ...] = ()
     critical: ClassVar[tuple[str, ...]] = ("SN", "BP", "HB")  # kinds of monitor functions at whose zeros it bifurcates
     single: ClassVar[tuple[str, ...]] = ("SN", "BP")  # those at which one value becomes critical
     paired: ClassVar[Monitor] = _HB  # that at which a pair of them does
@@ -350,8 +352,7 @@ class AlgebraicZeroProblem:
         crossed = max(abs(data.unstable - old.unstable) - int(rounded.sum()), 0)
         apart = self._crossed_apart(old.values, data.values) if near or changed else ()
         real = sum(kind in changed for kind in self.single)
-        centre = any(math.isnan(table.get(self.paired, 0.0)) for table in (known, monitors))
-        if centre:
+        if any(math.isnan(table.get(self.paired, 0.0)) for table in (known, monitors)):  # a centre
             return _UNEXPLAINED if crossed > real + 2 and not short else None
         if crossed == 0 and any(apart) and not short:
             return _UNEXPLAINED
@@ -371,8 +372,8 @@ class AlgebraicZeroProblem:
         (pairs, *first), (others, *second) = found
         return tuple(abs(b - a) for a, b in zip(first, second, strict=True)) if pairs == others else ()
 
-    def _several_critical(self, a: Point, b: Point, values: NDArray[np.complex128]) -> bool | None:
-        """Return whether values become critical at several places within a step."""
+    def _several_critical(self, a: Point, b: Point, values: NDArray[np.complex128]) -> bool:
+        """Return whether values may become critical at several places within a step."""
         length, old = b.arc - a.arc, a.examined.data
 
         def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -380,7 +381,7 @@ class AlgebraicZeroProblem:
 
         back, before = old.behind or (length, None)
         rows = [self.in_units(row) for row in (before, old.values, values) if row is not None]
-        return searched(spectra, rows, (back, length), self.tests)
+        return searched(spectra, rows, (back, length), self.tests) is not False
 
     def _watched(self, value: complex) -> Monitor:
         """Return the monitor function of a value that becomes critical."""
@@ -411,8 +412,7 @@ class AlgebraicZeroProblem:
             growth = self.growth(values)
             at = np.argsort(-growth, kind="stable")[self._rank]
             ends.append((float(growth[at]), complex(values[at])))
-        value = min(ends, key=lambda end: abs(end[0]))[1]
-        name = self._watched(value)
+        name = self._watched(min(ends, key=lambda end: abs(end[0]))[1])
         if name == _PAIRS and not needed:
             return
         before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0][0]})

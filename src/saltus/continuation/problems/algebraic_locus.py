@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -17,6 +17,7 @@ from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.extents import in_lockstep
+from saltus.continuation.problems.other_values import KIND, SEVERAL, OtherValues, eigenvalues_beside
 from saltus.equilibria.spectrum import eigenvalues, unstable_count
 
 if TYPE_CHECKING:
@@ -39,11 +40,13 @@ class LocusData:
 
     values: NDArray[np.complex128]  # eigenvalues, or multipliers
     unstable: int  # how many are unstable; critical ones are not counted
+    others: NDArray[np.complex128]  # those that are not critical
     reasons: tuple[str, ...] = ()  # why the solution is virtual
     coefficient: float = math.nan  # coefficient of the normal form; NaN where the type of the locus has none
     # imaginary part of the critical pair of eigenvalues, in radians per unit of time; NaN where there is none
     frequency: float = math.nan
     angle: float = math.nan  # angle of the critical pair of multipliers, in radians; NaN where there is none
+    behind: tuple[float, NDArray[np.complex128]] | None = None  # arclength from the point before, and its other values
 
     @property
     def stable(self) -> bool:
@@ -74,6 +77,7 @@ class AlgebraicLocusProblem:
     singular: frozenset[Monitor] = frozenset()
     odd = frozenset(_TURNS)  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
+    continuous: tuple[str, ...] = (KIND, "FF")
     faint: Mapping[Monitor, float] = MappingProxyType({})  # values of monitor functions up to which they are rounding
     vanishing: ClassVar[str] = "the equations do not vanish there"  # the fault of a point that is no solution
 
@@ -90,6 +94,24 @@ class AlgebraicLocusProblem:
         self._origin: NDArray[np.float64] | None = None
         self.rows: NDArray[np.float64] | None = None
         self._units: dict[Monitor, float] = {}
+        self.others = self.other_values()
+
+    def other_values(self) -> OtherValues:
+        """Return the test functions of the values that are not critical."""
+        return eigenvalues_beside({})
+
+    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the eigenvalues, or multipliers, of a solution; NaN where the equations have no finite derivatives."""
+        A = self.problem.evaluate(u)[1][:, : self.n]
+        return eigenvalues(A) if np.all(np.isfinite(A)) else np.full(self.n, math.nan + 0j)
+
+    def beside(self, z: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the values that are not critical."""
+        return np.delete(values, np.argmin(np.abs(values)))
+
+    def values_beside(self, z: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the values that are not critical at unknowns near the locus."""
+        return self.beside(z, self.spectrum(self.unknowns(z)))
 
     def borders(self, point: Point) -> dict[Monitor, float]:
         """Return the monitor functions of borders at which the locus ends."""
@@ -102,7 +124,8 @@ class AlgebraicLocusProblem:
     def special(self, point: Point) -> tuple[dict[Monitor, float], LocusData]:
         """Return the monitors of codimension-two points and the data of a point; on a locus of saddle-nodes here."""
         u = self.unknowns(point.u)
-        values = eigenvalues(self.problem.evaluate(u)[1][:, : self.n])
+        values = self.spectrum(u)
+        others = self.beside(point.u, values)
         q, p = self.condition.right, self.condition.left
         bend = float(p @ self.problem.second(u, np.append(q, [0.0, 0.0]))[:, : self.n] @ q)
         twist = float(p @ q)
@@ -110,20 +133,15 @@ class AlgebraicLocusProblem:
         coefficient = 0.5 * bend / (twist * float(np.linalg.norm(q))) if twist != 0.0 else math.inf
         if unit[np.argmax(np.abs(unit))] < 0.0:
             coefficient = -coefficient
-        rest = np.delete(values, np.argmin(np.abs(values)))
         monitors = {_CP: bend / self.unit(_CP, bend)}
-        return monitors, LocusData(values, unstable_count(rest), self.reasons(u), coefficient)
+        return monitors, LocusData(values, unstable_count(others), others, self.reasons(u), coefficient)
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
         """Return the events without those that are no points of codimension two."""
         for event in events:
             if event.point.examined.data is None:
                 return f"location: {event.point.examined.fault}"
-        return [event for event in events if self.is_special(event)]
-
-    def is_special(self, event: Event) -> bool:
-        """Return whether something happens at the zero of a monitor function."""
-        return True
+        return self.others.typed(events)
 
     def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the unknowns are from those of the start, shape (n,); the same for all points."""
@@ -180,21 +198,31 @@ class AlgebraicLocusProblem:
         point.residual = self.problem.rounding(u, J, np.maximum(self.sizes, np.abs(u[: self.n])))
         if not point.residual <= _RESIDUAL:
             return Examined({}, f"residual: {self.vanishing}")
-        self.condition.evaluate(u, point.u[self.n : self.n + self.condition.extra], J)
+        try:
+            self.condition.evaluate(u, point.u[self.n : self.n + self.condition.extra], J)
+        except np.linalg.LinAlgError:
+            return Examined({}, "singular: two loci meet there")
         self.condition.adjust()
         monitors = {name: self._plain(name, point) for name in (*_BOUNDS, *_TURNS)} | self.borders(point)
         for name in _TURNS:
             if abs(monitors[name]) < _CONSTANT:
                 monitors[name] = math.nan
         special, data = self.special(point)
+        if before is not None and before.examined.data is not None:
+            data = replace(data, behind=(point.arc - before.arc, before.examined.data.others))
         monitors = resolved(monitors | special, self.faint, before)
+        others = self.others.measured(data.others, before, float(np.abs(data.values).max(initial=0.0)))
         if self._origin is None:
             self._origin = u[: self.n].copy()
         self.sizes = np.maximum(self.sizes, self.grown(u))
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
-        doubt = None if before is None else faint_step(monitors, self.faint, before, point)
-        return Examined(monitors, doubt, data)
+        if before is None:
+            return Examined(monitors | others, None, data)
+        doubt = faint_step(monitors, self.faint, before, point)
+        if doubt is None and self.others.overlooked(before, point, data.others, self.values_beside):
+            doubt = SEVERAL
+        return Examined(monitors | others, doubt, data, once=frozenset(others))
 
     def monitor(self, name: Monitor, point: Point) -> float:
         """Return one monitor function at a point that may be corrected roughly only."""
@@ -202,6 +230,8 @@ class AlgebraicLocusProblem:
             return self._plain(name, point)
         if name.kind in ("BE", "BC"):
             return self.borders(point).get(name, math.nan)
+        if self.others.tells(name):
+            return self.others.named(self.values_beside(point.u)).get(name, math.nan)
         u = self.unknowns(point.u)
         self.condition.evaluate(u, point.u[self.n : self.n + self.condition.extra], self.problem.evaluate(u)[1])
         return self.special(point)[0].get(name, math.nan)
@@ -240,8 +270,8 @@ class AlgebraicLocusProblem:
         return False
 
     def leading(self, names: list[Monitor]) -> list[Monitor]:
-        """Return all names: none is another's shadow."""
-        return names
+        """See `OtherValues.leading`."""
+        return self.others.leading(names)
 
     def crowded(self, names: list[Monitor]) -> bool:
         """Return whether more than one point of codimension two lies in a step."""

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.locating import CROWDED
-from saltus.continuation.core.within_step import ASIDE, Spectrum, circle_tests, several_critical, steady
+from saltus.continuation.core.value_tests import bounded, circle_tests
+from saltus.continuation.core.within_step import ASIDE, Spectrum, several_critical, steady
 from saltus.continuation.core.zero_problem import hermite
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ __all__ = ["DOUBT", "search_between"]
 
 DOUBT = "events: multipliers may become critical and come back within the step"
 _PARTS = 8  # parts of a step that are looked at before it is taken back
-_LARGE = 1e10  # size from which on a multiplier counts as this
 
 
 def search_between(
@@ -48,24 +48,17 @@ def search_between(
     if length <= CROWDED or count < 2 or len(old.followed) != count:
         return None, data
     if old.behind is not None and len(old.behind[1]) == count:
-        rows, lengths = (old.behind[1], old.followed, data.followed), (old.behind[0], length)
+        rows = [bounded(np.array(row)) for row in (old.behind[1], old.followed, data.followed)]
+        lengths = old.behind[0], length
         if steady(rows, lengths, circle_tests):
             return None, data
 
     def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
-        return np.array([_bounded(spectrum(hermite(a, b, length, share))) for share in shares.tolist()])
+        return np.array([bounded(spectrum(hermite(a, b, length, share))) for share in shares.tolist()])
 
     away, before = old.beside or (ASIDE * length, spectra(np.array([ASIDE]))[0])
     beside = spectra(np.array([1.0 - ASIDE]))[0]
-    first = Spectrum(_bounded(np.array(old.followed)), before, away / length)
-    last = Spectrum(_bounded(np.array(data.followed)), beside, -ASIDE)
+    first = Spectrum(bounded(np.array(old.followed)), before, away / length)
+    last = Spectrum(bounded(np.array(data.followed)), beside, -ASIDE)
     several = several_critical(spectra, first, last, circle_tests, _PARTS)
     return several is not False, replace(data, beside=(-ASIDE * length, beside))
-
-
-def _bounded(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return multipliers without the size of those that are infinite, or nearly."""
-    found = values.copy()
-    large = ~(np.abs(values) < _LARGE)
-    found[large] = np.where(values.real[large] < 0.0, -_LARGE, _LARGE)
-    return found

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.orbits.critical import openness
 from saltus.orbits.floquet import multiplier_errors, nontrivial
 
 if TYPE_CHECKING:
@@ -17,10 +18,11 @@ if TYPE_CHECKING:
     from saltus.orbits.problem import OrbitProblem
     from saltus.orbits.signature import Survey
 
-__all__ = ["INFINITE", "RESIDUAL", "residual_fault", "unconfirmed"]
+__all__ = ["INFINITE", "RESIDUAL", "residual_fault", "unconfirmed", "undetermined"]
 
 RESIDUAL = 1e-8  # largest residual of an orbit that is kept, over the sizes of states and events
 INFINITE = 1e10  # modulus from which on a multiplier counts as infinite: the orbit is at a grazing
+_OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
 _CONFIRMED = 1e-5  # distance of a multiplier from its critical value that confirms a bifurcation, besides its error
 
 
@@ -48,3 +50,8 @@ def residual_fault(problem: OrbitProblem, survey: Survey, u: NDArray[np.float64]
     sizes = np.maximum(problem.event_sizes(u), float(problem.state_scale.max()))
     left = float(np.max(survey.rates[:, 2] / sizes))
     return None if left <= RESIDUAL else f"residual: {left:.1e} of the orbit's size is left of the equations"
+
+
+def undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
+    """Return whether det(A - B) and det(A + B) are rounding, as at a grazing where the surface bends no motion."""
+    return all(openness(problem, mu, u, J) < _OPEN for mu in (1.0, -1.0))

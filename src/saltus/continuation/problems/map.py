@@ -13,7 +13,7 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.point_types import on_branches
-from saltus.continuation.core.within_step import Tested, circle_tests
+from saltus.continuation.core.value_tests import Tested, bounded, circle_tests
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, PointData
 from saltus.maps.orbit import faults_of
@@ -93,7 +93,7 @@ class MapZeroProblem(AlgebraicZeroProblem):
 
     def in_units(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `AlgebraicZeroProblem.in_units`: multipliers have no units."""
-        return values
+        return bounded(values)
 
     def tests(self, values: list[complex]) -> Tested:
         """See `AlgebraicZeroProblem.tests`."""

@@ -15,13 +15,13 @@ import numpy as np
 
 from saltus.algebraic.conditions import Singular
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.zero_problem import Event, Point
+from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem, LocusData
-from saltus.continuation.problems.map import rotates
+from saltus.continuation.problems.other_values import OtherValues, multipliers_beside, without_critical
 from saltus.maps.critical import Rotation
 from saltus.maps.normal_forms import flip_terms, fold_terms, null_vectors, rotation_terms
 from saltus.maps.orbit import faults_of
-from saltus.maps.spectrum import FAINT, flip_product, fold_product, multipliers_of, pair_product, unstable_count
+from saltus.maps.spectrum import FAINT, flip_product, fold_product, multipliers_of, unstable_count
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,16 +36,13 @@ _CH = Monitor("CH")  # that of a Neimark-Sacker point
 _FF = Monitor("FF")  # what makes the other of the multipliers 1 and -1
 _TWISTS = {"SN": Monitor("R1"), "PD": Monitor("R2")}  # product of both null vectors
 _ANGLES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor("R4"): 0.0}  # their cosines
-_TR = Monitor("TR")  # pairs on the unit circle, on a locus of border collisions
 
 
 class MapLocusProblem(AlgebraicLocusProblem):
     """Critical orbits of one itinerary as a `ZeroProblem`; see `AlgebraicLocusProblem`."""
 
     noise: Mapping[Monitor, float] = MappingProxyType({_CP: 1e-10, _GPD: 1e-11, _CH: 1e-10})
-    faint: Mapping[Monitor, float] = MappingProxyType(
-        dict.fromkeys([_FF, *_TWISTS.values(), *_ANGLES, Monitor("SN"), Monitor("PD"), _TR], FAINT)
-    )
+    faint: Mapping[Monitor, float] = MappingProxyType(dict.fromkeys([_FF, *_TWISTS.values(), *_ANGLES], FAINT))
     vanishing = "the orbit does not close there"
     problem: MapOrbitProblem
 
@@ -68,24 +65,38 @@ class MapLocusProblem(AlgebraicLocusProblem):
     def special(self, point: Point) -> tuple[dict[Monitor, float], LocusData]:
         """See `AlgebraicLocusProblem.special`."""
         u = self.unknowns(point.u)
-        J, values = self.problem.evaluate(u)[1], multipliers_of(self.problem.slopes(u)[1])
+        J, values = self.problem.evaluate(u)[1], self.spectrum(u)
         reasons = self.reasons(u)
         if isinstance(self.condition, Singular):
-            return self._on_single(u, J, values, reasons)
+            return self._on_single(point, J, values, reasons)
         if isinstance(self.condition, Rotation):
-            return self._on_rotations(float(point.u[self.n + self.condition.extra - 1]), u, J, values, reasons)
-        monitors = {Monitor("SN"): fold_product(values), Monitor("PD"): flip_product(values)}
-        if values.size > 1:
-            monitors[_TR] = pair_product(values)
-        return monitors, LocusData(values, unstable_count(values), reasons)
+            return self._on_rotations(point, J, values, reasons)
+        return {}, LocusData(values, unstable_count(values), values, reasons)
+
+    def other_values(self) -> OtherValues:
+        """See `AlgebraicLocusProblem.other_values`."""
+        return multipliers_beside(self._type)
+
+    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """See `AlgebraicLocusProblem.spectrum`."""
+        return multipliers_of(self.problem.slopes(u)[1])
+
+    def beside(self, z: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `AlgebraicLocusProblem.beside`."""
+        return without_critical(self._type, values, float(z[-3]))
+
+    @property
+    def _type(self) -> str:
+        """Type of the locus; ``BC`` as well where a quantity keeps its value, since no multiplier is critical there."""
+        return self.kind if self.kind in _TWISTS or self.kind == "TR" else "BC"
 
     def _on_single(
-        self, u: NDArray[np.float64], J: NDArray[np.float64], values: NDArray[np.complex128], reasons: tuple[str, ...]
+        self, point: Point, J: NDArray[np.float64], values: NDArray[np.complex128], reasons: tuple[str, ...]
     ) -> tuple[dict[Monitor, float], LocusData]:
         """Return monitors and data where one multiplier is 1 or -1."""
+        u, others = self.unknowns(point.u), self.beside(point.u, values)
         q, p = self.condition.right, self.condition.left
         fold = self.kind == "SN"
-        critical = int(np.argmin(np.abs(values - (1.0 if fold else -1.0))))
         twist = float(p @ self.problem.closing @ q)
         try:
             terms = fold_terms(self.problem, u, q, p) if fold else flip_terms(self.problem, u, J, q, p)
@@ -95,7 +106,7 @@ class MapLocusProblem(AlgebraicLocusProblem):
         if values.size > 1:
             turn = _TWISTS[self.kind]
             monitors[turn] = twist / float(np.linalg.norm(p * self.sizes) * np.linalg.norm(q / self.sizes))
-            monitors[_FF] = (flip_product if fold else fold_product)(values, (critical,))
+            monitors[_FF] = (flip_product if fold else fold_product)(others)
         # the coefficient of a period doubling has a pole where another multiplier is 1
         name, weighed = (_CP, terms) if fold else (_GPD, terms * monitors.get(_FF, 1.0))
         monitors[name] = weighed / self.unit(name, weighed) if math.isfinite(weighed) else math.nan
@@ -104,18 +115,13 @@ class MapLocusProblem(AlgebraicLocusProblem):
         coefficient = terms / (twist * size ** (1 if fold else 2)) if twist * size != 0.0 else math.inf
         if fold and head[np.argmax(np.abs(head))] < 0.0:
             coefficient = -coefficient
-        rest = np.delete(values, critical)
-        return monitors, LocusData(values, unstable_count(rest), reasons, coefficient=coefficient)
+        return monitors, LocusData(values, unstable_count(others), others, reasons, coefficient=coefficient)
 
     def _on_rotations(
-        self,
-        cosine: float,
-        u: NDArray[np.float64],
-        J: NDArray[np.float64],
-        values: NDArray[np.complex128],
-        reasons: tuple[str, ...],
+        self, point: Point, J: NDArray[np.float64], values: NDArray[np.complex128], reasons: tuple[str, ...]
     ) -> tuple[dict[Monitor, float], LocusData]:
         """Return monitors and data where a pair is on the unit circle."""
+        u, cosine, others = self.unknowns(point.u), float(point.u[-3]), self.beside(point.u, values)
         monitors = {name: cosine - goal for name, goal in _ANGLES.items()}
         angle, coefficient = math.nan, math.nan
         if abs(cosine) < 1.0:
@@ -128,10 +134,4 @@ class MapLocusProblem(AlgebraicLocusProblem):
         # the coefficient has poles at R1 and R2, and jumps at neither R3 nor R4
         weighed = coefficient * (1.0 - cosine * cosine) ** 2
         monitors[_CH] = weighed / self.unit(_CH, weighed) if math.isfinite(weighed) else math.nan
-        order = np.argsort(np.abs(np.abs(values) - 1.0) + np.abs(values.real - cosine))
-        rest = np.delete(values, order[:2])
-        return monitors, LocusData(values, unstable_count(rest), reasons, coefficient, angle=angle)
-
-    def is_special(self, event: Event) -> bool:
-        """See `AlgebraicLocusProblem.is_special`: not where the product of two real multipliers is 1."""
-        return event.name != _TR or rotates(event.point.examined.data.values)
+        return monitors, LocusData(values, unstable_count(others), others, reasons, coefficient, angle=angle)

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from saltus.continuation.core.monitor import Monitor
 from saltus.orbits.critical import TOUCHING, Grazing
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import DIRECTION, DURATION, EVENT_END, MEAN_END, WHEN, WHOLE, Signature, Survey
+from saltus.orbits.signature import DIRECTION, DURATION, EARLY, EVENT_END, MEAN_END, WHEN, WHOLE, Signature, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -135,6 +135,8 @@ def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], s
     others = [i for i in range(problem.segments) if i not in beside]
     if np.all(survey.rates[others, 3] > 0.0):
         kept &= ~WHEN
+    if grazing.kind == "unmet":
+        kept &= ~EARLY
     if grazing.kind == "duration" and np.all(durations[others] > 0.0):
         kept &= ~DURATION
     return survey._replace(faults=kept)

@@ -91,6 +91,7 @@ class OrbitZeroProblem:
     singular = frozenset({_BP})
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
+    continuous: tuple[str, ...] = ()
     further = 0  # unknowns between those of the orbit and the varied one
     active_at: slice | None = None  # where among the unknowns the active parameters are, if not at their end
     neutral = False  # whether multipliers lie on the unit circle all along, as in a conservative system

@@ -1,4 +1,4 @@
-"""What is known of a point of a branch of orbits."""
+"""What is known of a point of a branch, or of a locus, of orbits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.signature import Survey
 
-__all__ = ["OrbitData"]
+__all__ = ["LocusData", "OrbitData"]
 
 
 @dataclass(frozen=True)
@@ -26,3 +26,16 @@ class OrbitData:
     behind: tuple[float, tuple[complex, ...]] | None = None  # arclength from the point before, and its own of these
     # the same at a place nearby: the arclength to there, and the values, in any order
     beside: tuple[float, NDArray[np.complex128]] | None = None
+
+
+@dataclass(frozen=True)
+class LocusData:
+    """Data of a point of a locus."""
+
+    survey: Survey  # dense survey of the orbit
+    multipliers: NDArray[np.complex128]  # shape (states,): Floquet multipliers, largest first
+    unstable: int  # number of unstable multipliers, the critical ones left out
+    others: NDArray[np.complex128]  # multipliers that are not critical; none on a locus of grazings or branch points
+    angle: float  # angle of the critical multipliers in radians; NaN on a GR or BP locus
+    coefficient: float  # test function of CP, GPD or CH, over its size at the start; NaN on other loci
+    behind: tuple[float, NDArray[np.complex128]] | None = None  # arclength from the point before, and its other values

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.coefficients import known_coefficient, or_infinity, torus_at
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
-from saltus.continuation.problems.guards import residual_fault, unconfirmed
+from saltus.continuation.problems.guards import residual_fault, unconfirmed, undetermined
 from saltus.continuation.problems.margins import (
     grazing_monitors,
     on_border,
@@ -28,9 +28,11 @@ from saltus.continuation.problems.margins import (
     timed,
     without_shadows,
 )
+from saltus.continuation.problems.orbit_data import LocusData
+from saltus.continuation.problems.other_values import KIND, SEVERAL, multipliers_beside, without_critical
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
-from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing, openness
+from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_forms import flip_coefficient
 from saltus.orbits.problem import OrbitProblem
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
 
     from saltus.algebraic.conditions import Condition
 
-__all__ = ["LocusData", "LocusZeroProblem"]
+__all__ = ["LocusZeroProblem"]
 
 _TURNS = (Monitor("TP", 0), Monitor("TP", 1))  # turning points of the two parameters
 _BOUNDS = (Monitor("low", 0), Monitor("high", 0), Monitor("low", 1), Monitor("high", 1))  # ends of their intervals
@@ -58,20 +60,7 @@ _INFINITE = 1e10  # modulus from which on a multiplier counts as infinite
 _CONSTANT = 1e-9  # component of the tangent below which a parameter is constant along a locus
 _ROUGH = 1e-8  # least relative tolerance of the flow for the coefficients of normal forms, unless one vanishes
 _RESONANT = 1e-4  # distance from R1, R2 and R3, in the cosine, within which a torus' coefficient is undetermined
-_OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
 _TOUCHED = 1e-10  # margin, over the size of the events, up to which a GR locus touches all along
-
-
-@dataclass(frozen=True)
-class LocusData:
-    """Data of a point of a locus."""
-
-    # survey, multipliers: as in `OrbitData`
-    survey: Survey
-    multipliers: NDArray[np.complex128]
-    unstable: int  # number of unstable multipliers, the critical ones left out
-    angle: float  # angle of the critical multipliers in radians; NaN on a GR or BP locus
-    coefficient: float  # test function of CP, GPD or CH, over its size at the start; NaN on other loci
 
 
 _Special = tuple[dict[Monitor, float], LocusData | None]
@@ -101,6 +90,7 @@ class LocusZeroProblem:
     singular: frozenset[Monitor] = frozenset()
     odd = frozenset(_TURNS)  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({_GPD: 1e-8, _CH: 1e-8})
+    continuous: tuple[str, ...] = (KIND,)
 
     def __init__(
         self,
@@ -115,13 +105,16 @@ class LocusZeroProblem:
         self._autonomous = problem.system.phase is None
         self._sizes: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
+        self._type = "GR" if kind in CHANGES else kind if kind in POINT_TYPES else "value"
+        self.others = multipliers_beside(self._type)
         self._surveyed = grazing_monitors(problem)
         self._durations = timed(problem.signature)
         if isinstance(condition, Grazing):
             # what vanishes at the start vanishes all along: a symmetric orbit changes in both halves at once
             u = self.orbit(z)
             period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
-            own = {_vanishing(condition), *run_out(problem, u, problem.survey(u))}
+            self._touched = Monitor(condition.kind, condition.segment, condition.transition)
+            own = {self._touched, *run_out(problem, u, problem.survey(u))}
             if condition.kind == "duration":
                 own |= {
                     name for name, i in self._durations.items() if abs(_duration(problem, u, i)) < TOUCHING * period
@@ -213,7 +206,10 @@ class LocusZeroProblem:
                 if name.kind == "margin" and abs(value) < touched:
                     monitors[name] = math.nan
         special, data = self._special(point, survey)
-        monitors |= special
+        assert data is not None
+        monitors |= special | self.others.measured(data.others, before)
+        if before is not None and before.examined.data is not None:
+            data = replace(data, behind=(point.arc - before.arc, before.examined.data.others))
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         fault = None
@@ -225,10 +221,23 @@ class LocusZeroProblem:
                 for name, value in monitors.items()
             )
             fault = None if grazing else self._lost_motion()
+            if not (grazing or fault) and self.others.overlooked(before, point, data.others, self._values_beside):
+                fault = SEVERAL
+            problem.set_parameters(u)
         grazed = self.condition
         if isinstance(grazed, Grazing) and grazed.left(survey):
             fault = "the orbit does not lie on the surface as a whole any more"
-        return Examined(monitors, fault, data)
+        return Examined(monitors, fault, data, once=frozenset(filter(self.others.tells, monitors)))
+
+    def _values_beside(self, z: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the multipliers that are not critical at unknowns near the locus."""
+        u = self.orbit(z)
+        return self._beside(z, multipliers(self.problem, u, self.problem.evaluate(u)[1]))
+
+    def _beside(self, z: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the multipliers that are not critical."""
+        inner = nontrivial(values, autonomous=self._autonomous)
+        return without_critical(self._type, inner, float(z[self.problem.size]))
 
     def depart(self, point: Point) -> None:
         """Take the point's meshes and sizes; renew the phase plane of a cycle that has turned away from it."""
@@ -253,6 +262,9 @@ class LocusZeroProblem:
             return float(self._surveyed[name](self.problem.survey(self.orbit(point.u))))
         if name in _PLAIN or name in self._durations:
             return self._measure(name, point)
+        if self.others.tells(name):
+            values = multipliers(self.problem, self.orbit(point.u), self._J)
+            return self.others.named(self._beside(point.u, values)).get(name, math.nan)
         return self._special(point, None, name)[0].get(name, math.nan)
 
     def _measure(self, name: Monitor, point: Point) -> float:
@@ -273,19 +285,18 @@ class LocusZeroProblem:
 
         With `only`, monitors that are not asked for may be left out. Without a survey there are no data.
         """
-        kind = "GR" if self.kind in CHANGES else self.kind if self.kind in POINT_TYPES else "value"
-        return getattr(self, f"_at_{kind}")(point, survey, only)  # type: ignore[no-any-return]
+        return getattr(self, f"_at_{self._type}")(point, survey, only)  # type: ignore[no-any-return]
 
     def _data(
-        self, survey: Survey | None, u: NDArray[np.float64], angle: float, coefficient: float,
+        self, survey: Survey | None, z: NDArray[np.float64], angle: float, coefficient: float,
         values: NDArray[np.complex128] | None = None,
     ) -> LocusData | None:  # fmt: skip
         if survey is None:
             return None
-        values = multipliers(self.problem, u, self._J) if values is None else values
+        values = multipliers(self.problem, self.orbit(z), self._J) if values is None else values
         inner = nontrivial(values, autonomous=self._autonomous)
         away = np.abs(np.abs(inner) - 1.0) > 1e-6
-        return LocusData(survey, values, unstable_count(inner[away]), angle, coefficient)
+        return LocusData(survey, values, unstable_count(inner[away]), self._beside(z, values), angle, coefficient)
 
     def _determinant(
         self, name: Monitor, mu: float, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
@@ -308,7 +319,7 @@ class LocusZeroProblem:
             Monitor("R1"): condition.twist,
             _FF: self._determinant(_FF, -1.0, self.problem, u, self._J),
         }
-        return found, self._data(survey, u, 0.0, coefficient)
+        return found, self._data(survey, point.u, 0.0, coefficient)
 
     def _at_PD(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         condition = self.condition
@@ -322,7 +333,7 @@ class LocusZeroProblem:
             value = or_infinity(flip_coefficient, problem, u, J, condition.right, condition.left)
             coefficient = self._sized(_GPD, value * found[_FF])
             found[_GPD] = known_coefficient(coefficient, only)
-        return found, self._data(survey, u, math.pi, coefficient)
+        return found, self._data(survey, point.u, math.pi, coefficient)
 
     def _at_TR(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         u = self.orbit(point.u)
@@ -336,7 +347,7 @@ class LocusZeroProblem:
             value = or_infinity(torus_at, *self._graded(u, only), u, kappa)
             coefficient = self._sized(_CH, value * others)
             found[_CH] = known_coefficient(coefficient, only)
-        return found, self._data(survey, u, math.acos(min(1.0, max(-1.0, kappa))), coefficient)
+        return found, self._data(survey, point.u, math.acos(min(1.0, max(-1.0, kappa))), coefficient)
 
     def _graded(self, u: NDArray[np.float64], only: Monitor | None) -> tuple[OrbitProblem, NDArray[np.float64]]:
         """Return equations and Jacobian for third derivatives.
@@ -356,28 +367,28 @@ class LocusZeroProblem:
         u = self.orbit(point.u)
         signs = {Monitor("SN"): 1.0, Monitor("PD"): -1.0}
         found = {name: self._determinant(name, mu, self.problem, u, self._J) for name, mu in signs.items()}
-        return found, self._data(survey, u, math.nan, math.nan)
+        return found, self._data(survey, point.u, math.nan, math.nan)
 
     def _at_BP(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         found = {Monitor("unfolded"): float(point.u[self.problem.size])}
-        return found, self._data(survey, self.orbit(point.u), math.nan, math.nan)
+        return found, self._data(survey, point.u, math.nan, math.nan)
 
     def _at_GR(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         u, condition = self.orbit(point.u), self.condition
         assert isinstance(condition, Grazing)
         found = {}
-        known = not _undetermined(self.problem, u, self._J) if only is None else only.side == "larger"
+        known = not undetermined(self.problem, u, self._J) if only is None else only.side == "larger"
         if TOUCH_END not in self.problem.signature.kinds and known:
             found = self._critical_beside("larger", self.problem, u, self._J)[0]
         values = np.full(len(self.problem.system.states), math.inf + 0j)
-        beside = neighbour(self.problem, _vanishing(condition), u) if only is None or not found else None
+        beside = neighbour(self.problem, self._touched, u) if only is None or not found else None
         if isinstance(beside, Neighbour):
             p, active, scales = self.problem.parameters_at(u), self.problem.active, self.problem.scales
             problem = OrbitProblem(self.problem.system, beside.signature, p, active, scales, self.problem.tol)
             problem.start(beside.u)
             more, values = self._critical_beside("smaller", problem, beside.u, problem.resolve(beside.u)[1])
             found |= more
-        return found, self._data(survey, u, math.nan, math.nan, values)
+        return found, self._data(survey, point.u, math.nan, math.nan, values)
 
     def _critical_beside(
         self, side: str, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
@@ -395,6 +406,7 @@ class LocusZeroProblem:
 
     def leading(self, names: list[Monitor]) -> list[Monitor]:
         """Return the names without those that vanish only since a neighbouring segment has no length."""
+        names = self.others.leading(names)
         vanishing = [name.segment for name in names if name.kind == "duration"]
         return without_shadows(names, vanishing, self.problem.segments)
 
@@ -405,7 +417,7 @@ class LocusZeroProblem:
             return fault
         return [
             e
-            for e in events
+            for e in self.others.typed(events)
             if at_grazing(e.name)
             or e.name in _PLAIN
             or (all(abs(e.point.arc - arc) > _CLOSE for arc in grazings) and not self._unconfirmed(e))
@@ -435,13 +447,3 @@ class LocusZeroProblem:
 
 def _duration(problem: OrbitProblem, u: NDArray[np.float64], i: int) -> float:
     return float(u[i * (problem.n + 1) + problem.n])
-
-
-def _vanishing(grazing: Grazing) -> Monitor:
-    """Return the monitor function that vanishes all along a GR locus."""
-    return Monitor(grazing.kind, grazing.segment, grazing.transition)
-
-
-def _undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
-    """Return whether det(A - B) and det(A + B) are rounding, as at a grazing where the surface bends no motion."""
-    return all(openness(problem, mu, u, J) < _OPEN for mu in (1.0, -1.0))

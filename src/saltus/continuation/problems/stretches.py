@@ -14,7 +14,8 @@ import numpy as np
 from saltus.algebraic.products import combined, pairs
 from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.within_step import border_tests, searched
+from saltus.continuation.core.value_tests import border_tests
+from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import Examined, Point, cubic
 from saltus.continuation.problems.algebraic import PointData
 from saltus.equilibria.spectrum import FAINT, NEUTRAL
@@ -139,7 +140,7 @@ class Stretch:
         for i in np.flatnonzero(_doubtful(table, lengths)).tolist():
             along = partial(cubic, lines[i], lines[i + 1], float(lengths[i]))
             within = partial(self._spectra_at, along, unit)
-            if searched(within, [*table[i : i + 2]], (float(lengths[i]),), border_tests):
+            if searched(within, [*table[i : i + 2]], (float(lengths[i]),), border_tests) is not False:
                 return i
         return kept
 

@@ -20,7 +20,7 @@ from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.runs.two_sided import turned
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
-from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature, Survey
+from saltus.orbits.signature import ON_BORDER, Signature, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -209,5 +209,5 @@ def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
 def without_rounding(examined: Examined) -> Examined:
     """Return what is known of a point without the faults that are rounding where the signature changes."""
     data: OrbitData = examined.data
-    survey = data.survey._replace(faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
+    survey = data.survey._replace(faults=data.survey.faults & ~ON_BORDER)
     return replace(examined, data=replace(data, survey=survey))

@@ -45,7 +45,7 @@ from saltus.orbits.cuts import cut, started_elsewhere, stretched
 from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import DIRECTION, DURATION, WHEN, Signature
+from saltus.orbits.signature import ON_BORDER, Signature
 from saltus.orbits.unfolding import Fixed
 
 if TYPE_CHECKING:
@@ -335,6 +335,7 @@ class OrbitRun(OneParameterRun):
         name = type_of_change(branch.problem, way, point.u, found)
         if name == "AS" and way.kind == "duration" and (added := self._excursion_ends(half)) is not None:
             return added
+        point.examined = beyond.without_rounding(point.examined)
         if self.control.at_grazing == "pass":
             half.specials.append(self.found(name, branch, event, half))
             return self.end_at(half, branch, point, name)
@@ -343,10 +344,8 @@ class OrbitRun(OneParameterRun):
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.equations(found.signature, found.u)
             orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
-            # on the border the signs of what vanishes are rounding
-            orbit = replace(orbit, faults=orbit.faults & ~(DURATION | DIRECTION | WHEN))
+            orbit = replace(orbit, faults=orbit.faults & ~ON_BORDER)
             half.specials[-1] = replace(half.specials[-1], solution=orbit)
-        point.examined = beyond.without_rounding(point.examined)
         half.points.append((branch, point))
         if name in self.stops:
             return f"{self.place(point)}: {POINT_TYPES[name].meaning}"

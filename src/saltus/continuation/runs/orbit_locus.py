@@ -25,7 +25,7 @@ from saltus.continuation.runs.two_sided import Found, OneSide
 from saltus.errors import InputError
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.quantities import read_quantity
-from saltus.orbits.signature import DIRECTION, DURATION, WHEN
+from saltus.orbits.signature import ON_BORDER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -160,11 +160,11 @@ class OrbitLocusRun(TwoParameterRun):
             return None
         elif event.name.side:
             of = f"{event.name.side} signature"
-        if kind in CHANGES:  # where a duration or a velocity vanishes, its sign is rounding
+        if kind in CHANGES:
             if event.name.kind == "duration":
                 event.point.u[at * (self.branch.n + 1) + self.branch.n] = 0.0
             data = event.point.examined.data
-            survey = data.survey._replace(faults=data.survey.faults & ~(DURATION | DIRECTION | WHEN))
+            survey = data.survey._replace(faults=data.survey.faults & ~ON_BORDER)
             event.point.examined = replace(event.point.examined, data=replace(data, survey=survey))
             half.specials = [found for found in half.specials if not self._is_shadow(found, event.point)]
         orbit = self._orbit(event.point)

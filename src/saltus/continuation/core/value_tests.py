@@ -1,0 +1,80 @@
+"""Functions of eigenvalues or multipliers that vanish where these become critical: docs/theory/equilibria.md."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["PAIRED", "Tested", "border_tests", "bounded", "circle_tests"]
+
+PAIRED = 1e-12  # imaginary part over the size, from which on a value is one of a complex pair
+_LARGE = 1e10  # size from which on a multiplier counts as this
+_FAR = 0.15  # size of multipliers up to which they are far from critical, as beyond its inverse
+
+
+class Tested(NamedTuple):
+    """Functions of values that belong together; docs/theory/equilibria.md lists them."""
+
+    values: list[float]
+    sizes: list[float]  # changes of the functions as the values change by their sizes
+    turns: bool  # whether the values are a complex pair
+    far: bool  # whether they are so far from critical that they cannot come there and back in a step
+    scale: float  # way of the values that is neither short nor long
+
+
+def bounded(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return multipliers without the size of those that are infinite, or nearly."""
+    found = values.copy()
+    large = np.abs(values) >= _LARGE
+    found[large] = np.where(values.real[large] < 0.0, -_LARGE, _LARGE)
+    return found
+
+
+def circle_tests(values: list[complex]) -> Tested:
+    """Return functions of multipliers that vanish at 1, at -1, and for a pair at the unit circle.
+
+    They are bounded, and smooth where one or two multipliers pass infinity but for their sign.
+    """
+    if len(values) == 2:
+        a, b = values
+        total, product, one, other = (a + b).real, (a * b).real, 1.0 + abs(a), 1.0 + abs(b)
+        unit = math.hypot(1.0, total, product)
+        rows = [
+            (1.0 - total + product, one * abs(1.0 - b) + other * abs(1.0 - a)),
+            (1.0 + total + product, one * abs(1.0 + b) + other * abs(1.0 + a)),
+            (1.0 - product, 1.0 + abs(product)),
+        ]
+    else:
+        unit, rows = math.prod(math.hypot(1.0, abs(value)) for value in values), []
+        for side in (1.0, -1.0):
+            distance, change = 1.0 + 0.0j, 0.0
+            for value in values:
+                own, size = 1.0 - side * value, 1.0 + abs(value)
+                distance, change = distance * own, change * abs(own) + abs(distance) * size
+            rows.append((distance.real, change))
+    sizes = [abs(value) for value in values]
+    far = max(sizes) < _FAR or min(sizes) > 1.0 / _FAR
+    return Tested(
+        [value / unit for value, _ in rows], [size / unit for _, size in rows], _turns(values), far, max(1.0, *sizes)
+    )
+
+
+def border_tests(values: list[complex]) -> Tested:
+    """Return functions of eigenvalues that vanish at 0, and for a pair at the imaginary axis."""
+    product, size = 1.0 + 0.0j, 1.0
+    for value in values:
+        product, size = product * value, size * (1e-3 + abs(value))
+    found, sizes = [product.real], [size]
+    if len(values) == 2:
+        found.append((values[0] + values[1]).real)
+        sizes.append(1e-3 + abs(values[0]))
+    return Tested(found, sizes, _turns(values), far=False, scale=min(abs(value.real) for value in values))
+
+
+def _turns(values: list[complex]) -> bool:
+    return len(values) == 2 and abs(values[0].imag) > PAIRED * abs(values[0])

@@ -1,0 +1,218 @@
+"""Values beside the critical ones of a locus: where another one becomes critical, and steps that pass over this.
+
+docs/theory/loci.md, "Other values", explains the monitor functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.core.locating import CROWDED
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.value_tests import Tested, border_tests, bounded, circle_tests
+from saltus.continuation.core.within_step import searched
+from saltus.continuation.core.zero_problem import SAME, Event, Point, hermite
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    _Spectrum = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
+
+__all__ = ["KIND", "SEVERAL", "OtherValues", "eigenvalues_beside", "multipliers_beside", "without_critical"]
+
+SEVERAL = "events: other values become critical at more than one place within the step"
+_GOALS = {"SN": 1.0, "PD": -1.0}  # the critical multiplier on a locus
+# types of the points at which another multiplier becomes critical on a locus; other test functions tell of the rest
+_TYPES = {
+    "SN": {"pair": "FNS"},
+    "PD": {"pair": "PDNS"},
+    "TR": {"fold": "FNS", "flip": "PDNS", "pair": "NSNS"},
+    "BC": {"fold": "SN", "flip": "PD", "pair": "TR"},
+    "value": {"pair": "TR"},
+}
+# coefficients that have a pole at another point, and that point: they are followed times a function that vanishes there
+_FACTORS = {"GPD": "FF", "CH": "FNS"}
+KIND = "other"  # kind of the monitor functions, one for each place in the order of growth
+_NEUTRAL = 1e-9  # growth up to which it is rounding
+_SAME = 1e-7  # growth at a located point up to which the value is critical there as well
+_TOUCHED = 1e-8  # growth within which no step ends, unless it is short
+_PAIRED = 1e-9  # imaginary part over the size, from which on a value is one of a complex pair
+
+
+def eigenvalues_beside(types: Mapping[str, str]) -> OtherValues:
+    """Return the test functions of eigenvalues, which are critical on the imaginary axis; see `OtherValues`."""
+    return OtherValues(lambda values: values.real, border_tests, types)
+
+
+def multipliers_beside(kind: str) -> OtherValues:
+    """Return the test functions of multipliers along a locus of a type; they are critical on the unit circle."""
+    return OtherValues(_height, circle_tests, _TYPES.get(kind, {}), unit=1.0)
+
+
+def without_critical(kind: str, values: NDArray[np.complex128], cosine: float) -> NDArray[np.complex128]:
+    """Return the multipliers without the critical ones of a locus of a type, none where all depend on its side.
+
+    cosine: that of the critical pair's angle on a TR locus.
+    """
+    if kind not in _TYPES:
+        return values[:0]
+    if kind == "TR":
+        return np.delete(values, np.argsort(np.abs(np.abs(values) - 1.0) + np.abs(values.real - cosine))[:2])
+    goal = _GOALS.get(kind)
+    return values if goal is None else np.delete(values, np.argmin(np.abs(values - goal)))
+
+
+def _height(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return (|mu|^2 - 1) / (|mu|^2 + 1): 0 on the unit circle, 1 at infinity."""
+    sizes = np.minimum(np.abs(values), 1e150)
+    return np.asarray(1.0 - 2.0 / (1.0 + sizes * sizes))
+
+
+@dataclass
+class OtherValues:
+    """The values that are not critical along a locus, in the order of their growth.
+
+    The k-th largest growth is a monitor function. It is continuous, and vanishes wherever the number of unstable values
+    passes k: several values that become critical at once hide none of them.
+
+    Parameters
+    ----------
+    growth : callable
+        Growth of each value, 0 where it is critical; values are in units.
+    tests : callable
+        `circle_tests` or `border_tests`.
+    types : mapping of str to str
+        Type of the point at which a value becomes critical: ``"fold"`` a real one at 0 or 1, ``"flip"`` one at -1,
+        ``"pair"`` a complex pair. Another monitor function of the locus tells of those that are left out.
+    """
+
+    growth: Callable[[NDArray[np.complex128]], NDArray[np.float64]]
+    tests: Callable[[list[complex]], Tested]
+    types: Mapping[str, str]
+    unit: float | None = None  # of the values; by default the largest modulus at the first point
+    neutral: int | None = field(default=None, init=False)  # values that are critical all along the locus
+    crossing: bool = field(default=False, init=False)  # whether a point of one of the types may lie in the last step
+    # whether more becomes critical in the last step than the change of the number of unstable values tells
+    _crowded: bool = field(default=False, init=False)
+
+    def measured(
+        self, values: NDArray[np.complex128], before: Point | None, largest: float = 1.0
+    ) -> dict[Monitor, float]:
+        """Return the monitor functions at a point, and give those at the point before the same names.
+
+        largest: modulus of the largest value, the critical ones among them.
+        """
+        self.unit = self.unit or largest or 1.0
+        close = int(np.sum(np.abs(self._growth(values)) < _NEUTRAL))
+        self.neutral = close if self.neutral is None else min(self.neutral, close)
+        found = self.named(values)
+        if before is None or before.examined.data is None:
+            return found
+        old = before.examined.data.others
+        if sum(name.kind == KIND for name in before.examined.monitors) != len(found):
+            ranked = {name: g if abs(g) > _SAME else np.nan for name, g in self.named(old).items()}
+            before.examined = replace(before.examined, monitors={**before.examined.monitors, **ranked})
+        (pairs, *first), (others, *second) = self._counts(old), self._counts(values)
+        self.crossing = "fold" in self.types or (pairs, first[0]) != (others, second[0])
+        moves = [(b - a) * size for a, b, size in zip(first, second, (2, 1, 1), strict=True)]
+        total = sum(map(abs, moves)) if pairs == others else 0
+        self._crowded = total != abs(sum(moves))
+        return found
+
+    def named(self, values: NDArray[np.complex128]) -> dict[Monitor, float]:
+        """Return the monitor functions of some values."""
+        growth = self._growth(values)
+        return {Monitor(KIND, k): float(growth[i]) for k, i in enumerate(self._order(growth))}
+
+    def _growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return self.growth(values / (self.unit or 1.0))
+
+    def tells(self, name: Monitor) -> bool:
+        """Return whether a monitor function is one of these."""
+        return name.kind == KIND
+
+    def _order(self, growth: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the places of the values by their growth, without those that are critical all along."""
+        kept = np.sort(np.argsort(np.abs(growth), kind="stable")[self.neutral or 0 :])
+        return kept[np.argsort(-growth[kept], kind="stable")]
+
+    def _counts(self, values: NDArray[np.complex128]) -> tuple[int, int, int, int]:
+        """Return how many complex pairs there are, and how many pairs, positive and negative values grow."""
+        paired = pairs = positive = negative = 0
+        growth, known = self._growth(values), values.tolist()
+        for i in self._order(growth).tolist():
+            value, grows = known[i], bool(growth[i] > 0.0)
+            if abs(value.imag) > _PAIRED * abs(value):
+                paired, pairs = paired + 1, pairs + grows
+            else:
+                positive, negative = positive + (grows and value.real > 0.0), negative + (grows and value.real <= 0.0)
+        return paired // 2, pairs // 2, positive, negative
+
+    def leading(self, names: list[Monitor]) -> list[Monitor]:
+        """Return the names without those of values of which other monitor functions tell."""
+        return names if self.crossing else [name for name in names if name.kind != KIND]
+
+    def typed(self, events: list[Event]) -> list[Event]:
+        """Return the events by the types of their points: each once, whatever becomes critical there."""
+        found: list[Event] = []
+        for event in events:
+            if event.name.kind != KIND:
+                found.append(event)
+                continue
+            values = event.point.examined.data.others
+            value = complex(values[self._order(self._growth(values))[event.name.segment]])
+            kind = self.types.get(self._what(value))
+            if kind is not None and not self._known(kind, event, found):
+                found.append(replace(event, name=Monitor(kind)))
+        return [event for event in found if not self._by_its_factor(event, found)]
+
+    @staticmethod
+    def _by_its_factor(event: Event, events: list[Event]) -> bool:
+        """Return whether a coefficient vanishes since its factor does, where the coefficient itself has no pole."""
+        factor = _FACTORS.get(event.name.kind)
+        return any(e.name.kind == factor and abs(e.point.arc - event.point.arc) < SAME for e in events)
+
+    def _what(self, value: complex) -> str:
+        if abs(value.imag) > _PAIRED * abs(value):
+            return "pair"
+        return "flip" if self.tests is circle_tests and value.real < 0.0 else "fold"
+
+    def _known(self, kind: str, event: Event, found: list[Event]) -> bool:
+        """Return whether the value of an event is critical at another one of its type as well."""
+        for other in found:
+            if other.name == Monitor(kind):
+                there = self.named(other.point.examined.data.others)
+                if abs(there.get(event.name, np.inf)) < _SAME:
+                    return True
+        return False
+
+    def overlooked(self, a: Point, b: Point, others: NDArray[np.complex128], spectrum: _Spectrum) -> bool:
+        """Return whether values may become critical at several places of a step, or come back within.
+
+        Parameters
+        ----------
+        a, b : Point
+            Ends of the step; `a` is examined.
+        others : ndarray of complex
+            The values at `b`.
+        spectrum : callable
+            The values at unknowns near the locus, in any order.
+        """
+        length, unit = b.arc - a.arc, self.unit or 1.0
+        if length <= CROWDED or others.size == 0:
+            return False
+        if self._crowded:
+            return True
+        if any(abs(growth) < _TOUCHED for growth in self.named(others).values()):
+            return True  # the sign at the step's end is not known well enough
+
+        def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
+            return np.array([bounded(spectrum(hermite(a, b, length, share)) / unit) for share in shares.tolist()])
+
+        back, before = a.examined.data.behind or (length, None)
+        rows = [bounded(row / unit) for row in (before, a.examined.data.others, others) if row is not None]
+        return searched(spectra, rows, (back, length), self.tests) is not False
