@@ -15,6 +15,7 @@ __all__ = [
     "DivergenceError",
     "InputError",
     "MapDivergenceError",
+    "NotAnalyticError",
     "SaltusError",
     "StickingError",
     "StiffnessError",
@@ -281,6 +282,10 @@ class ConvergenceError(SaltusError):
         what, residual, iterations, hint = self.args
         text = f"{what}: no convergence, residual {residual:.3g} after {iterations} {self.unit}"
         return shortened(text + (f"; {hint}" if hint else ""), _LONGEST)
+
+
+class NotAnalyticError(SaltusError):
+    """A definition has no Taylor series: it uses the sign or absolute value of what varies, or too high a power."""
 
 
 class DivergenceError(_MotionError):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from saltus.errors import DefinitionError
+from saltus.errors import DefinitionError, NotAnalyticError
 from saltus.system.generated import Kind, module_of
 
 if TYPE_CHECKING:
@@ -397,8 +397,6 @@ def load_gradients(system: Definition, expressions: tuple[str, ...], formulas: F
 
 def load_series(system: Definition, order: int) -> CompiledSeries | None:
     """Return the Taylor series of a system's motions; None where the definition has none."""
-    from saltus.system.taylor import NotAnalyticError
-
     try:
         return CompiledSeries(module_of(SERIES, system, order), system)
     except NotAnalyticError:
