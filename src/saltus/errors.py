@@ -15,7 +15,6 @@ __all__ = [
     "DivergenceError",
     "InputError",
     "MapDivergenceError",
-    "NotAnalyticError",
     "SaltusError",
     "StickingError",
     "StiffnessError",
