@@ -283,6 +283,10 @@ class ConvergenceError(SaltusError):
         return shortened(text + (f"; {hint}" if hint else ""), _LONGEST)
 
 
+class NotAnalyticError(SaltusError):
+    """A definition has no Taylor series: it uses the sign or absolute value of what varies, or too high a power."""
+
+
 class DivergenceError(_MotionError):
     """A trajectory leaves every bound.
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus import HybridSystem
-from saltus.orbits.meshes import steady
+from saltus import HybridSystem, Mode
+from saltus.orbits.meshes import decays, steady
 from selection import guarding
 
 
@@ -19,6 +19,15 @@ def test_no_step_of_a_mesh_is_too_long_for_a_decay(decay):
     times = fine * fine * (3.0 - 2.0 * fine)  # clustered time
     assert decay * np.diff(times).max() <= 3.0
     assert steady(mesh, 5.0) is mesh
+
+
+def test_the_fastest_decay_of_a_segment_is_that_of_its_mode_over_its_duration():
+    """Growing states count as ones that do not decay, rates without a number as none."""
+    modes = {"fast": Mode({"x": "-3*x", "y": "-r*y"}), "slow": Mode({"x": "2*x", "y": "sqrt(y)"})}
+    system = HybridSystem(("x", "y"), {"r": 50.0}, modes, [])
+    blocks = np.array([[1.0, 1.0, 2.0], [1.0, 1.0, 3.0], [1.0, 0.0, 3.0]])
+    found = decays(system.compiled, np.array([0, 1, 1]), blocks, system.compiled.extended(np.array([50.0])))
+    assert found == [100.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("decay", guarding([50.0, 3000.0], 50.0))

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import ctypes
+import subprocess
+import sys
 
 import mpmath
 import numpy as np
 import pytest
 
+from saltus.errors import NotAnalyticError
 from saltus.system.derivatives import Symbolic
 from saltus.system.expressions import FUNCTIONS
 from saltus.system.hybrid import HybridSystem, Mode, Transition
-from saltus.system.taylor import NotAnalyticError, series_of_mode
+from saltus.system.taylor import series_of_mode
 
 ORDER = 8
 
@@ -207,3 +210,12 @@ def test_an_event_of_the_absolute_value_of_a_state_has_no_series():
 def test_a_series_at_a_singularity_is_not_finite():
     system = HybridSystem(("x",), {}, {"m": Mode({"x": "sqrt(x)"})}, [])
     assert not np.all(np.isfinite(coefficients(system, [0.0])[:, 0]))
+
+
+def test_a_series_that_was_compiled_before_needs_no_sympy():
+    code = (
+        "import sys; from saltus import HybridSystem; "
+        "found = HybridSystem.smooth({'x': 'v', 'v': '-sin(x)'}).series(7); print(found.order, 'sympy' in sys.modules)"
+    )
+    told = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(2)]
+    assert told[-1].stdout.split() == ["7", "False"]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.ensemble.labels import ADDRESSED, NL, Lanes, Scratch
+from saltus.errors import NotAnalyticError
 from saltus.system.compiled import SERIES_TEXT, callable_at, with_constants
 from saltus.system.generated import Kind, module_of
 
@@ -94,8 +95,6 @@ def load_lanes(system: Definition, order: int, exact: dict[int, int]) -> Compile
     exact : dict of int to int
         Modes with steps by the exact flow, and the pairs of complex eigenvalues of their linear parts.
     """
-    from saltus.system.taylor import NotAnalyticError
-
     try:
         return CompiledLanes(module_of(LANES, system, order, sorted(exact.items()), system.positive))
     except NotAnalyticError:
@@ -112,8 +111,6 @@ def load_own_lanes(system: Definition, order: int, columns: int = 0) -> Compiled
     columns : int, optional
         Perturbations that each motion carries.
     """
-    from saltus.system.taylor import NotAnalyticError
-
     try:
         if columns:
             return CompiledLanes(module_of(GROWTH_LANES, system, order, columns, system.positive))

@@ -47,22 +47,24 @@ def surface_rows(
         Rows of zeros where a function is not affine; no rows where no function has several states.
     """
     n, count = blocks.shape[1] - 1, len(system.states)
-    rows: list[list[NDArray[np.float64]]] = [[], []]
     known = {system.mode_names[mode]: block[:n] for mode, block in zip(modes.tolist(), blocks, strict=True)}
-    for k, transition in enumerate(system.transitions):
-        if transition.source not in known:
-            continue
-        gradients_at = np.empty((1 + len(_ELSEWHERE), 2 + 2 * n))
-        for out, share in zip(gradients_at, (0.0, *_ELSEWHERE), strict=True):
-            x = known[transition.source].copy()
+    met = [k for k, transition in enumerate(system.transitions) if transition.source in known]
+
+    def gradients(share: float) -> NDArray[np.float64]:
+        """Return all gradients beside the segments' starts, by that share of the sizes, shape (2, rows, states)."""
+        written = np.empty((len(met), 2 + 2 * n))
+        for k, out in zip(met, written, strict=True):
+            x = known[system.transitions[k].source].copy()
             x[:count] += share * sizes[:count]
             system.compiled.call("event_x", k, 0, x, p, out)
-        for order in range(2):
-            gradients = gradients_at[:, 2 + order * n : 2 + order * n + count]
-            changes = np.abs(gradients - gradients[0])
-            affine = bool(np.all(changes <= _AFFINE * np.abs(gradients[0]).max(initial=0.0)))
-            rows[order].append(gradients[0] if affine else np.zeros(count))
-    found = np.array(rows).reshape(2, -1, count)
+        return written[:, 2:].reshape(-1, 2, n)[:, :, :count].swapaxes(0, 1)
+
+    found = gradients(0.0)
+    if not np.any(np.count_nonzero(found, axis=2) > 1):
+        return found[:, :0]
+    rounding = _AFFINE * np.abs(found).max(axis=2, initial=0.0, keepdims=True)
+    affine = [np.abs(gradients(share) - found) <= rounding for share in _ELSEWHERE]
+    found = np.where(np.all(affine, axis=(0, 3))[:, :, None], found, 0.0)
     together = bool(np.any(np.count_nonzero(found, axis=2) > 1))
     return found if together else found[:, :0]
 

@@ -47,19 +47,20 @@ def linear_frames(
     """
     compiled, states = system.compiled, len(system.states)
     starts, nodes = dense
-    rows = {}
-    for mode in np.unique(modes).tolist():
-        segments = np.flatnonzero(modes == mode)
-        longest = int(segments[np.argmax(durations[segments])])
-        first, end = starts[longest], starts[longest + 1]
-        J = compiled.linearised(mode, np.ascontiguousarray(nodes[(first + end) // 2]), p)[1]
-        rate = math.sqrt(float(np.max(np.abs(J * J.T) * (1.0 - np.eye(len(J))))))
-        if not rate * durations[longest] > _TURNS or compiled.rooted[mode]:
+    rows, lasting = {}, durations.tolist()
+    for mode in sorted(set(modes.tolist())):
+        segments = np.flatnonzero(modes == mode).tolist()
+        longest = max(segments, key=lasting.__getitem__)
+        first, end = int(starts[longest]), int(starts[longest + 1])
+        J = compiled.linearised(mode, nodes[(first + end) // 2], p)[1]
+        turning = np.abs(J * J.T)
+        turning.flat[:: len(J) + 1] *= 0.0
+        if not math.sqrt(float(turning.max())) * lasting[longest] > _TURNS or compiled.rooted[mode]:
             continue
         at = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in segments])
         along = nodes[at[np.linspace(0, at.size - 1, min(_SAMPLES, at.size)).astype(np.int64)]]
         part = linear_part(compiled, mode, along, p, states)
-        expected = part.rate * durations[longest] / _ANGLE + _OTHERS if part is not None else math.inf
+        expected = part.rate * lasting[longest] / _ANGLE + _OTHERS if part is not None else math.inf
         if part is not None and _DEARER * expected < end - first:
             rows[mode] = part.numbers
     if not rows:

@@ -134,11 +134,11 @@ def decays(
     modes, blocks, p : ndarray
         As of `adapted`.
     """
-    found = []
-    for mode, block in zip(modes, blocks, strict=True):
-        rates = -block[-1] * np.diag(compiled.linearised(int(mode), np.ascontiguousarray(block[:-1]), p)[1])
-        found.append(float(np.max(rates, where=np.isfinite(rates), initial=0.0)))
-    return found
+    from saltus.flow.kernels import segment as segment_kernels
+
+    found = np.empty(modes.size)
+    segment_kernels.decays(compiled.addresses, modes, blocks.ravel(), compiled.n, p, found)
+    return [float(most) for most in found]
 
 
 def stabilised(

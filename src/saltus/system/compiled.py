@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from saltus.errors import DefinitionError
+from saltus.errors import DefinitionError, NotAnalyticError
 from saltus.system.generated import Kind, module_of
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ class Compiled:
         self.jumps = tuple(module.JUMPS)
         self.too_steep = tuple(module.TOO_STEEP)
         self._calls: dict[str, Any] = {}
+        self._directions = np.eye(self.n).ravel()  # those of the states, one after the other
 
     @cached_property
     def addresses(self) -> NDArray[np.int64]:
@@ -119,7 +120,7 @@ class Compiled:
         self, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the field of a mode at a full state, shape (n,), and its Jacobian, (n, n); `p` is extended."""
-        frame, out = np.concatenate([x, np.eye(self.n).ravel()]), np.empty(self.n * (self.n + 1))
+        frame, out = np.concatenate([x, self._directions]), np.empty(self.n * (self.n + 1))
         self.call("vary", mode, self.n, frame, p, out)
         return out[: self.n], out[self.n :].reshape(self.n, self.n)
 
@@ -397,8 +398,6 @@ def load_gradients(system: Definition, expressions: tuple[str, ...], formulas: F
 
 def load_series(system: Definition, order: int) -> CompiledSeries | None:
     """Return the Taylor series of a system's motions; None where the definition has none."""
-    from saltus.system.taylor import NotAnalyticError
-
     try:
         return CompiledSeries(module_of(SERIES, system, order), system)
     except NotAnalyticError:

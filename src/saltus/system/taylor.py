@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import sympy
 
-from saltus.errors import SaltusError
+from saltus.errors import NotAnalyticError
 from saltus.system.exponents import exponent_of
 
 if TYPE_CHECKING:
@@ -26,11 +26,7 @@ if TYPE_CHECKING:
     from saltus.system.derivatives import Symbolic
     from saltus.system.regularise import Regularised
 
-__all__ = ["NotAnalyticError", "Series", "series_of_mode"]
-
-
-class NotAnalyticError(SaltusError):
-    """A definition has no Taylor series: it uses the sign or absolute value of what varies, or too high a power."""
+__all__ = ["Series", "series_of_mode"]
 
 
 class _Linear(NamedTuple):

@@ -7,11 +7,13 @@ import math
 import matplotlib
 import numpy as np
 import pytest
+from scipy.fft import dct
 from scipy.integrate import quad
 
 import saltus
 from saltus import afm
 from saltus.errors import InputError
+from selection import guarding
 
 matplotlib.use("Agg")
 
@@ -20,6 +22,12 @@ STIFF = 26e3  # N/m, at which a motion is harmonic and its mean is at rest
 EV = 6.241509074460763  # eV in 1 aJ
 PROBE = {"k_N_m": 26.0, "f0_kHz": 300.0, "Q": 400.0, "R_nm": 12.0}
 CONSERVATIVE = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+SMOOTH = {  # laws without a loss
+    "contact": CONSERVATIVE,
+    "bond": afm.LennardJones(H_aJ=0.12, sigma_nm=0.3),
+    "water": afm.Hydration(F_nN=3.0, l_nm=0.8),
+}
+ANGLES = np.pi * (np.arange(1 << 15) + 0.5) / (1 << 15)
 DAMPED = CONSERVATIVE + afm.Dashpot(c_uNs_m=2.0)
 
 
@@ -77,17 +85,74 @@ def test_shift_in_contact_is_the_weighted_force_too():
     assert stiff.column("peak_force_nN")[-1] > 0.0
 
 
-@pytest.mark.campaign
-def test_the_formula_of_small_shifts_misses_orbits_by_the_second_order_of_the_shift(lever):
-    """At the gap about which the bent lever swings the difference is a number times the shift squared over f0."""
-    numbers = {}
-    for k in (26.0, 260.0):
-        found = afm.frequency_shift(lever, (11.5, 13.5), A, points=2, parameters={"k_N_m": k})
-        gaps = found.column("Zc_nm") + 1e-3 * found.column("deflection_pm")
-        wanted = np.array([giessibl(k, gap) for gap in gaps])
-        numbers[k] = (found.column("shift_Hz") - wanted) / (wanted**2 / 300e3)
-    assert np.abs(numbers[26.0][0]) < 2.0  # far; nearer the harmonics of the force count, which the formula leaves out
-    np.testing.assert_allclose(numbers[260.0], numbers[26.0], rtol=0.05)
+def forces(law, gaps):
+    """Force of a law at gaps, in contact below 0.3 nm where it has a contact."""
+    if len(law.regions) == 1:
+        return law.force_nN(gaps, R_nm=12.0)
+    outside = law.force_nN(np.maximum(gaps, 0.3), R_nm=12.0, region="far")
+    return np.where(gaps < 0.3, law.force_nN(np.minimum(gaps, 0.3), R_nm=12.0, region="contact"), outside)
+
+
+def harmonics(law, gap, amplitude):
+    """Cosine coefficients of the force along a harmonic motion about a gap, the first of them twice the mean."""
+    return dct(forces(law, gap + amplitude * np.cos(ANGLES))) / ANGLES.size
+
+
+def averaged(law, gap, amplitude, k):
+    """Shift in Hz of first and of second order, by averaging; the second is a derivative by the amplitude."""
+
+    def sum_of_squares(at):
+        n = np.arange(2, ANGLES.size)
+        return np.sum(harmonics(law, gap, at)[2:] ** 2 / (n**2 - 1.0))
+
+    h = 1e-4 * min(amplitude, 1.0)
+    near, far = (sum_of_squares(amplitude + m * h) - sum_of_squares(amplitude - m * h) for m in (1, 2))
+    first = -300e3 * harmonics(law, gap, amplitude)[1] / (2.0 * k * amplitude)
+    bent = 300e3 / (4.0 * k**2 * amplitude) * (8.0 * near - far) / (12.0 * h)
+    return first, bent - first**2 / (2.0 * 300e3)
+
+
+def greatest(law, gap, amplitude, k):
+    """What the second order of the shift cannot exceed, in Hz: by the inequality of Cauchy and Schwarz."""
+    gaps, h = gap + amplitude * np.cos(ANGLES), 1e-5
+    mean, first = harmonics(law, gap, amplitude)[:2] * (0.5, 1.0)
+    rest = forces(law, gaps) - mean - first * np.cos(ANGLES)
+    slope = (forces(law, gaps + h) - forces(law, gaps - h)) / (2.0 * h)
+    sizes = math.sqrt(np.mean(rest**2) * np.mean((slope * np.cos(ANGLES)) ** 2))
+    return 300e3 * ((first / (k * amplitude)) ** 2 / 8.0 + sizes / (3.0 * k**2 * amplitude))
+
+
+@pytest.mark.parametrize(
+    ("name", "amplitude", "nearest"),
+    guarding(
+        [
+            ("contact", 5.0, 0.6),
+            ("contact", 5.0, 0.1),
+            ("contact", 0.1, 1.0),
+            ("bond", 20.0, 0.5),
+            ("bond", 1.0, 0.5),
+            ("water", 20.0, 0.5),
+            ("water", 1.0, 0.5),
+        ],
+        ("bond", 20.0, 0.5),
+    ),
+)
+def test_averaging_to_second_order_misses_orbits_by_the_third_order_of_the_force(name, amplitude, nearest):
+    """A stiffness of twice the size halves the force over it; what is left falls by 8, the second order by 4."""
+    law, left = SMOOTH[name], []
+    probe = afm.Probe(k_N_m=104.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    system = afm.model(probe, law, afm.Drive(A0_nm=amplitude), Zc_nm=amplitude + nearest)
+    for k in (104.0, 208.0, 416.0):
+        bounds = amplitude + nearest, amplitude + nearest + 0.2
+        found = afm.frequency_shift(system, bounds, amplitude, points=2, parameters={"k_N_m": k})
+        gap = found.column("Zc_nm")[-1] + 1e-3 * found.column("deflection_pm")[-1]
+        shift, (first, second) = found.column("shift_Hz")[-1], averaged(law, gap, amplitude, k)
+        left.append(shift - first - second)
+        assert abs(shift - first) <= greatest(law, gap, amplitude, k)
+        if name == "bond" and amplitude == 20.0:
+            assert shift - first > 60.0 * first**2 / 300e3  # no small number bounds it: it grows as the amplitude
+    order = np.log2(np.array(left[:-1]) / left[1:])
+    np.testing.assert_allclose(order, 3.0, atol=0.1)
 
 
 @pytest.mark.campaign

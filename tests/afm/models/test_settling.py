@@ -11,7 +11,9 @@ import saltus
 from saltus import InputError, afm
 from saltus.afm.files.configuration import read_experiment
 from saltus.afm.files.sets import text_of
-from saltus.afm.models.settling import described, settled
+from saltus.afm.models import settling
+from saltus.afm.models.settling import described, settled, settled_orbit
+from saltus.errors import ConvergenceError
 from saltus.results import PeriodicOrbit
 
 NECKS = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=1.0)
@@ -45,6 +47,17 @@ def test_a_motion_of_several_periods_is_told_with_its_necks(necks):
 @pytest.mark.campaign
 def test_a_motion_without_a_period_is_told_by_its_kind(viscous):
     assert settled(viscous, viscous.parameters, [0.0, 0.0]) == "the motion is chaotic"
+
+
+def test_a_motion_that_has_settled_when_it_is_looked_at_last_is_found(monkeypatch):
+    """The free motion has the amplitude of the drive at its resonance; the first look is the last one."""
+    monkeypatch.setattr(settling, "_AGAIN", 0.0)
+    probe = afm.Probe(k_N_m=1.0, f0_kHz=100.0, Q=5.0, R_nm=20.0)
+    system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=7.0), Zc_nm=20.0)
+    found = settled_orbit(system, system.parameters, [1.0, 0.0])
+    assert found.max["z1_nm"] == pytest.approx(7.0, rel=1e-9)
+    with pytest.raises(ConvergenceError, match="no convergence, residual .* after 73 forcing periods"):
+        settled_orbit(system, system.parameters | {"Q": 500.0}, [1.0, 0.0])
 
 
 def test_a_motion_that_is_lost_is_told_with_the_reason():

@@ -1,6 +1,7 @@
 """Solutions of a branch at a value of its parameter: closed forms, turns, bad input."""
 
 import contextlib
+import dataclasses
 import math
 
 import numpy as np
@@ -127,3 +128,15 @@ def test_solutions_of_another_branch_are_told(fold, monkeypatch):
     monkeypatch.setattr("saltus.continuation.results.equilibrium_branch.find_equilibrium", lambda *_a, **_k: far)
     with pytest.raises(ConvergenceError, match=r"solution at a = 9000.*from 3 it leads to one .* of its size away"):
         fold.at(9000.0)
+
+
+def test_a_branch_comes_to_the_bound_that_its_start_misses_by_rounding():
+    """The nearest point of the branch lies beside a start whose states are not exact."""
+    k = 1.3
+    driven = HybridSystem.smooth({"x": "v", "v": "cos(s) - k*x - 0.2*v"}, {"k": k, "w": 1.0}, phase=("s", "w"))
+    exact = saltus.find_orbit(driven, {}, [0.0, 0.0])
+    start = dataclasses.replace(exact, states=exact.states * (1.0 + 3e-10))
+    branch = saltus.continue_orbit(start, "k", (1.1, k))
+    assert branch.values.max() == k
+    (orbit,) = branch.at(k)
+    assert orbit.max["x"] == pytest.approx(1.0 / math.hypot(k - 1.0, 0.2), rel=1e-9)

@@ -22,7 +22,7 @@ from saltus.fitting.instrument import Instrument
 from saltus.fitting.measured import numbers_of, read_table
 
 if TYPE_CHECKING:
-    from saltus.continuation import Branch
+    from saltus.continuation import Branch, StepControl
     from saltus.fitting import Fit, MeasuredPoint
     from saltus.progress import Report
     from saltus.system import HybridSystem
@@ -116,33 +116,49 @@ def fit(
     sigma = checks.mapping("sigma", sigma, "standard errors by column, as {'amplitude_nm': 0.03}")
     vary = checks.mapping("vary", vary, "bounds by parameter, as {'H_aJ': (0.01, 1.0)}")
     instrument = _instrument(along, model, sigma)
+    _check_unknowns(vary, along, model, instrument)
+    options = _with_readings(options, sigma, model)
+    bounds = _range(numbers_of(table, along), along, vary.get(OFFSET, (0.0, 0.0)))
+    start = {name: options.start.get(name, model.parameters[name]) for name in instrument.of_model(list(vary))}
+    if isinstance(jumps, bool) and "direction" not in table:
+        jumps = False
+    trace = _curve(model, along, bounds, start, options.steps)
+    return fitted(task(table, trace, bounds, vary, sigma, jumps, options, priors, instrument), progress)
+
+
+def _check_unknowns(
+    vary: Mapping[str, tuple[float, float]], along: str, model: HybridSystem, instrument: Instrument
+) -> None:
+    """Raise `InputError` where an unknown is neither the model's nor the measurement's, or a bound is implausible."""
     if along in vary:
         raise InputError("vary", along, "unknowns: data are along this one", f"{OFFSET} varies its origin")
-    for name, limits in checks.mapping(
-        "vary", vary, "bounds by parameter", known=[*model.parameter_names, *instrument.names]
-    ).items():
+    names = [*model.parameter_names, *instrument.names]
+    for name, limits in checks.mapping("vary", vary, "bounds by parameter", known=names).items():
         for limit in checks.interval(f"vary[{name!r}]", limits, finite=True):
             checked(name, limit, insists="choose plausible bounds", quantity=_OWN.get(name))
+
+
+def _with_readings(options: FitOptions, sigma: Mapping[str, Any], model: HybridSystem) -> FitOptions:
+    """Return options with the formulas of the readings that are fitted, and the turns of the lags among them."""
     known = formulas(model)
     for name in sigma:
         if units := [reading for reading in known if reading.startswith(f"{name}_")]:
             raise InputError(f"column {name!r}", name, f"named with its unit: {' or '.join(units)}")
     observables = {name: known[name] for name in sigma if name in known} | dict(options.observables)
     turns = {name: _TURN_DEG for name in sigma if str(name).startswith("lag_deg")} | dict(options.turns)
-    options = replace(options, observables=observables, turns=turns)
-    bounds = _range(numbers_of(table, along), along, vary.get(OFFSET, (0.0, 0.0)))
+    return replace(options, observables=observables, turns=turns)
 
-    steps = options.steps
+
+def _curve(
+    model: HybridSystem, along: str, bounds: tuple[float, float], start: Mapping[str, float], steps: StepControl | None
+) -> Retraced:
+    """Return the model's curve at the start, which is traced again at other parameters."""
     make, how = distance_curve if along == "Zc_nm" else frequency_curve, Tracing(along, bounds, steps, False)
 
     def whole(changes: Mapping[str, float]) -> tuple[Branch, ...]:
         return make(model, bounds, parameters=changes, steps=steps).branches
 
-    start = {name: options.start.get(name, model.parameters[name]) for name in instrument.of_model(list(vary))}
-    if isinstance(jumps, bool) and "direction" not in table:
-        jumps = False
-    trace = Retraced(whole(start), lambda orbit, known: sheet_again(orbit, known, how), whole)
-    return fitted(task(table, trace, bounds, vary, sigma, jumps, options, priors, instrument), progress)
+    return Retraced(whole(start), lambda orbit, known: sheet_again(orbit, known, how), whole)
 
 
 def _in_kHz(table: Any) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -193,7 +192,7 @@ def _passed(
 
 
 def _end_of(branch: Branch, stretch: Stretch, sign: float) -> tuple[PeriodicOrbit | None, float]:
-    """Return the last motion of a stretch, None where it is not known, and the parameter there."""
+    """Return the last motion of a stretch in a direction, None where it is not known, and the parameter there."""
     last = stretch.points[-1 if sign > 0.0 else 0]
     value = float(branch.values[last])
     ahead = [point for point in _beside(branch, last) if sign * (point.value(branch.parameter) - value) >= 0.0]
@@ -217,11 +216,9 @@ def _begin_of(
     """Return the first motion of a stretch where it begins behind the place before, and else the one that was met."""
     before, orbit = met
     place = orbit.parameters[branch.parameter]
-    first = stretch.points[0 if sign > 0.0 else -1]
-    begins = float(branch.values[first])
-    if sign * (begins - before) > 0.0 and sign * (place - begins) > 0.0:
-        with suppress(ConvergenceError):
-            return branch.solution(first), begins
+    first, begins = _end_of(branch, stretch, -sign)
+    if first is not None and sign * (begins - before) > 0.0 and sign * (place - begins) > 0.0:
+        return first, begins
     return orbit, place
 
 

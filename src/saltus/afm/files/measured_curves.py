@@ -95,40 +95,30 @@ def read_curve(
 
     path = checks.path("path", path)
     factors = checks.mapping("scale", scale, "columns to factors")
-    reader = reader_of(path)
-    if reader is None:
-        table = cells_of(path)
-        rows: Sequence[int] = table.index.tolist()
-        if columns is None and not factors:
-            return _named(table)
-        text = [_csv_column(str(name), list(table[name])) for name in table.columns]
-        held = FileContents("a text file", tuple(text))
+    reader, lines = reader_of(path), list[int]()
+    if reader is not None:
+        held = reader(path)
     else:
-        held, rows = reader(path), ()
-    found = held.columns
-    if columns is None:
-        raise InputError("columns", columns, f"given, by names of the file's columns: {_listed(found)}")
-    wanted = checks.mapping("columns", columns, "names that are wanted to names of the file's columns")
-    _check_names(list(wanted))
-    for name in factors:
-        checks.chosen("scale", name, [one for one in wanted if one != _DIRECTION])
-    told: dict[str, list[str] | NDArray[np.float64]] = {}
+        cells = cells_of(path)
+        if columns is None and not factors:
+            return _named(cells)
+        held, lines = _text_contents(cells), cells.index.tolist()
+    wanted = _wanted(columns, factors, held.columns)
+    read: dict[str, list[str] | NDArray[np.float64]] = {}
     units: dict[str, str | None] = {}
     for name, source in wanted.items():
         checks.text(f"columns[{name!r}]", source, "the name of a column of the file")
         if name == _DIRECTION and reader is not None:
             hint = "table.assign(direction='approach') adds it"
             raise InputError("columns", list(wanted), "without 'direction', which only text files have", hint)
-        column, line = _picked(source, found)
+        column, values = _picked(source, held.columns)
         units[name] = column.unit
         if name == _DIRECTION:
-            told[name] = _ways(line.tolist())
-            continue
-        told[name] = _factor(name, column, factors, found) * _numbers(column.name, line, rows)
-    sizes = {name: len(values) for name, values in told.items()}
-    if len(set(sizes.values())) > 1:
-        raise InputError("columns", sizes, "columns of one length", "they belong to different curves")
-    table = pd.DataFrame(told)
+            read[name] = _ways(values.tolist())
+        else:
+            read[name] = _factor(name, column, factors, held.columns) * _numbers(column.name, values, lines)
+    _check_lengths(read)
+    table = pd.DataFrame(read)
     table.attrs = {
         "path": str(path),
         "format": held.format,
@@ -187,13 +177,31 @@ def _named(table: pd.DataFrame) -> pd.DataFrame:
     return table.reset_index(drop=True)
 
 
+def _text_contents(cells: pd.DataFrame) -> FileContents:
+    """Return the columns of a text file with the units in their headers; numbers are read when a column is picked."""
+    return FileContents("a text file", tuple(_csv_column(str(name), list(cells[name])) for name in cells.columns))
+
+
 def _csv_column(name: str, cells: Sequence[str]) -> FileColumn:
-    """Return a column of a CSV file with the unit in its header; its numbers are read when it is picked."""
+    """Return a column of a CSV file with the unit in its header."""
     found = _UNIT.match(name)
     unit = found[2] if found else None
     if unit is None and name in (*_ALONG, *READINGS, *_FORCE):
         unit = _unit_of(name)
     return FileColumn(name, unit, (np.array(cells, dtype=object),))
+
+
+def _wanted(
+    columns: Mapping[str, str] | None, factors: Mapping[str, float], found: Sequence[FileColumn]
+) -> Mapping[str, str]:
+    """Return the names of the file's columns by those wanted, of which factors may be given."""
+    if columns is None:
+        raise InputError("columns", columns, f"given, by names of the file's columns: {_listed(found)}")
+    wanted = checks.mapping("columns", columns, "names that are wanted to names of the file's columns")
+    _check_names(list(wanted))
+    for name in factors:
+        checks.chosen("scale", name, [one for one in wanted if one != _DIRECTION])
+    return wanted
 
 
 def _ways(cells: Sequence[str]) -> list[str]:
@@ -217,6 +225,13 @@ def _picked(source: str, found: Sequence[FileColumn]) -> tuple[FileColumn, NDArr
     if number is not None and not 1 <= number <= count:
         raise InputError("column", source, f"one of the curves 1 to {count}")
     return column, column.lines[(number or 1) - 1]
+
+
+def _check_lengths(read: Mapping[str, Sequence[Any] | NDArray[np.float64]]) -> None:
+    """Raise `InputError` where columns are those of different curves."""
+    sizes = {name: len(values) for name, values in read.items()}
+    if len(set(sizes.values())) > 1:
+        raise InputError("columns", sizes, "columns of one length", "they belong to different curves")
 
 
 def _called(name: str, found: Sequence[FileColumn]) -> list[FileColumn]:

@@ -73,7 +73,7 @@ def frequency_shift(
 
     References
     ----------
-    F. J. Giessibl, Phys. Rev. B 56, 16010 (1997): frequency shift of small forces.
+    F. J. Giessibl, Phys. Rev. B 56, 16010 (1997): shift of small forces; docs/afm/loops.md has the second order.
     B. Gotsmann, C. Seidel, B. Anczykowski, H. Fuchs, Phys. Rev. B 60, 11051 (1999): dissipation by the excitation.
 
     Examples

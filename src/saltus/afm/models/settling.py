@@ -168,8 +168,6 @@ def settled_orbit(
         for orbit, section in known:
             if _approaches(states, section, sizes):
                 return orbit
-        if done >= longest:
-            raise ConvergenceError("periodic attractor", gap, done, failure or _UNSETTLED, unit="forcing periods")
         gap = min(gap, now := _recurrence(states, sizes))
         if now < near:
             near = _NEARER * now
@@ -178,6 +176,8 @@ def settled_orbit(
                     return find_orbit(system, parameters, x, mode=system.mode_names[here], settle=1.0)
                 except ConvergenceError as error:
                     failure = str(error.args[3])  # it has not settled yet; where it never does, this is told
+        if done >= longest:
+            raise ConvergenceError("periodic attractor", gap, done, failure or _UNSETTLED, unit="forcing periods")
 
 
 def _sizes(system: HybridSystem, parameters: Mapping[str, float], states: NDArray[np.float64]) -> NDArray[np.float64]:

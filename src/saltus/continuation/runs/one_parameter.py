@@ -143,10 +143,10 @@ class OneParameterRun(Run):
 
     def ready(self, piece: Any, origin: Point) -> Point:
         """See `Run.ready`: a start that misses a bound by rounding is on it, and no step away from it reaches it."""
-        ends = {Monitor("low"): self.interest.low, Monitor("high"): self.interest.high}
-        met = {name: 0.0 for name, bound in ends.items() if abs(origin.parameter - bound) < ROUNDING}
-        if met:
-            origin.examined = replace(origin.examined, monitors={**origin.examined.monitors, **met})
+        for kind, bound in (("low", self.interest.low), ("high", self.interest.high)):
+            if abs(origin.parameter - bound) < ROUNDING:
+                origin.u[-1] = bound
+                origin.examined = replace(origin.examined, monitors={**origin.examined.monitors, Monitor(kind): 0.0})
         return origin
 
     def at_bound(self, half: OneSide, piece: Any, point: Point, kind: str) -> str:
