@@ -1,11 +1,11 @@
-// Keys, and buttons in lists and tables: what they ask for goes to the server as a wish.
+// Keys, buttons in lists and tables, and some others: what they ask for goes to the server as a wish.
 {
   const modelOf = name => {
     const owner = Bokeh.documents.find(known => known.get_model_by_name(name) != null)
     return owner?.get_model_by_name(name)
   }
   let said = 0
-  const wish = asked => {
+  const wish = window.wish = asked => {
     const model = modelOf('wishes')
     if (model) model.data = {wish: [JSON.stringify(asked)], at: [++said]}
   }

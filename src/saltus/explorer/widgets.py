@@ -26,6 +26,7 @@ __all__ = [
     "offered",
     "on_change",
     "on_click",
+    "on_seen_click",
     "pane",
     "poster",
     "quantity",
@@ -56,6 +57,14 @@ def button(text: str, name: str, *, kind: str = "default", tip: str = "") -> Any
 def on_click(made: Any, work: Callable[[], object]) -> None:
     """Do work when a button is clicked, with the document's lock."""
     made.on_click(_locked(lambda _: work()))
+
+
+def on_seen_click(made: Any, kind: str) -> None:
+    """Let a click say a wish of a kind, with the button's tag that the browser shows then.
+
+    What the server would do with the click may have changed since the person looked: it can compare the tag.
+    """
+    made.js_on_click({"button": made}, f"wish(['{kind}', button.tags[0]])")
 
 
 def on_change(made: Any, work: Callable[[Any], object], what: str = "value") -> None:
