@@ -13,7 +13,7 @@ from saltus.errors import InputError
 from saltus.explorer.server import LEFT
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.subjects import of_system
-from screen import Screen, asked, browser
+from screen import TOKEN, Screen, asked, browser
 from selection import guarding
 from systems import ball_on_table
 
@@ -86,7 +86,7 @@ def memory(windows: list[Screen], address: str, server: int) -> dict[str, float]
     """Return the memory of a server, its workers and the scripts of two windows, in megabytes, once all have rested."""
     empty(windows)
     os.kill(server, signal.SIGUSR1)  # it collects its garbage
-    asked(address)  # it answers after that
+    assert asked(address, f"/metadata?token={TOKEN}")[0] == 200  # it answers after that
     found = {"workers": 0.0}
     for status in Path("/proc").glob("[0-9]*/status"):
         with suppress(OSError):  # it has ended meanwhile

@@ -317,6 +317,8 @@ def test_undo_drops_only_what_the_page_has_shown(page, session, taken_steps):
 
 
 def test_an_empty_end_of_a_plane_is_told(page):
-    page._map({"z": (float("nan"), 2.0), "v": (0.0, 1.0)}, {}, (50, 200))
-    assert "an end of the range of z is empty" in page._message.object
+    for wrong in (float("nan"), float("-inf")):
+        page._line("")
+        page._map({"z": (wrong, 2.0), "v": (0.0, 1.0)}, {}, (50, 200))
+        assert "an end of the range of z is empty" in page._message.object
     assert page.desk.wanted == []

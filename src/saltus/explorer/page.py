@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from html import escape
 from io import BytesIO
-from math import isnan
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus.errors import SaltusError
+from saltus.errors import InputError, SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.basin_search import Search, map_plane
 from saltus.explorer.desk import FILM, Desk, Listener, Work
@@ -80,8 +80,8 @@ class Page(Listener):
         if len(self.session.system.states) < _PLANE:
             del parts["Basins"]
         self.orbit.tabs.extend([(name, part.panel) for name, part in parts.items()])
-        self.parameters = ParameterView(self.session, self._values_changed, self._slides)
-        self.numerics = NumericsView(self.session, self._settings_changed)
+        self.parameters = ParameterView(self.session, self._values_changed, self._slides, self._line)
+        self.numerics = NumericsView(self.session, self._settings_changed, self._line)
         self.starts = StartView(self.session, self.run, self._observed, self._line)
         self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films, self._line)
         self.list = ListView(self.session, self._hidden_changed)
@@ -198,6 +198,7 @@ class Page(Listener):
             "name": self.diagram.name_marks_anew,
             "sort": self.points.sort,
             "step": lambda count, special: self._step(int(count), special=bool(special)),
+            "refused": lambda name, text, allowed: self._line(str(InputError(name, text, allowed))),
             "undo": self._undo,
             "stop": self._stop_clicked,
         }
@@ -290,8 +291,8 @@ class Page(Listener):
         if len(free) < 2:
             self._line("a plane needs two different states")
             return
-        if empty := [name for name, ends in free.items() if any(map(isnan, ends))]:
-            self._line(f"an end of the range of {empty[0]} is empty: it must be a number")
+        if wrong := [name for name, ends in free.items() if not all(map(isfinite, ends))]:
+            self._line(f"an end of the range of {wrong[0]} is empty or infinite: it must be a finite number")
             return
         solution = self._selected()
         given = self.session.changed() if solution is None else dict(solution.parameters)

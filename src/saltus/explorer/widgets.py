@@ -9,6 +9,8 @@ from typing import Any
 
 import panel as pn
 
+from saltus import checks
+
 __all__ = [
     "bar",
     "beside",
@@ -23,6 +25,7 @@ __all__ = [
     "html",
     "lines",
     "number",
+    "number_of",
     "offered",
     "on_change",
     "on_click",
@@ -116,6 +119,17 @@ def number(
     options: dict[str, Any] = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
     options |= {"start": ends[0], "end": ends[1]}
     return pn.widgets.FloatInput(name=title, value=value, width=width, **options)
+
+
+def number_of(name: str, value: float | None) -> float:
+    """Return the number in a field, whose value is given.
+
+    Raises
+    ------
+    InputError
+        The field is empty, or its number is not finite; `name` says which field.
+    """
+    return checks.number(name, "empty" if value is None else value)
 
 
 def count(title: str, value: int, width: int, ends: tuple[int, int], name: str) -> Any:
