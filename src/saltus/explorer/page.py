@@ -380,9 +380,8 @@ class Page(Listener):
         self.diagrams.redraw()
         self.space.redraw()
         self.list.show(self._colour, self.diagram.unseen)
+        self.undo.disabled, self.undo.tags = not self.session.entries, [self.session.last]  # at once: as the list says
         self.points.show()
-        self.undo.disabled = not self.session.entries
-        self.undo.tags = [self.session.last]
         self._show_selected()
         self._tell_script()
         basins: list[Any] = [entry.result for entry in self.session.entries if entry.step.noun == "basins"]
