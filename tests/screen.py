@@ -277,7 +277,8 @@ class Screen:
         return self.page.locator(".result b").all_inner_texts()
 
     def rest(self) -> None:
-        """Stop all work, and wait until none is under way."""
+        """Stop all work, that of the last click too, and wait until none is under way."""
+        self.heard()
         stop = self.page.locator(".stop button")
         self.eventually(lambda: stop.evaluate_all(_RESTS))
 

@@ -144,6 +144,29 @@ def test_a_wrong_expression_is_told_in_the_page_and_never_run(screen, kept):
 
 
 @pytest.mark.campaign
+@desk_alone
+def test_what_a_field_for_a_number_does_not_take_is_told(screen):
+    page, before = screen.page, screen.fields()
+    for name, texts in {
+        "start-q1": {
+            "nan": "'nan': must be a number",
+            "": "'empty': must be a finite number",
+            "-": "'-': must be a number",
+        },
+        "sweep-values": {"1": "'1': must be a whole number from 2 to 10000", "2.5": "'2.5': must be a whole number"},
+        "parameter-Omega": {"1e999": "inf: must be a finite number", "-1": "-1"},
+    }.items():
+        for text, told in texts.items():
+            screen.fill(name, text)
+            screen.until("message", told)
+            screen.eventually(lambda: screen.fields() == before)
+            screen.fill(name, before[name])
+    screen.fill("start-q1", "0.25")
+    assert float(page.input_value(".start-q1 input")) == 0.25
+    assert screen.errors == []
+
+
+@pytest.mark.campaign
 def test_two_pages_do_not_disturb_each_other(screen, window, address):
     other = Screen(window.new_page(), address)
     other.wait("orbit1")

@@ -262,10 +262,23 @@ def test_a_result_with_which_work_is_under_way_is_not_undone(desk, taken_steps):
     desk.session.add(steps["orbit1"], results["orbit1"])
     desk.run(steps["branch1"])
     with pytest.raises(InputError, match="stop the branch first"):
-        desk.undo()
+        desk.undo("orbit1")
     desk._companion.said = [Message(1, "stopped", None)]
     desk.listen()
-    assert desk.undo().name == "orbit1"
+    assert desk.undo("orbit1").name == "orbit1"
+
+
+def test_a_result_that_the_person_did_not_see_is_not_undone(desk, taken_steps):
+    steps, results = taken_steps
+    for name in ("orbit1", "branch1"):
+        desk.session.add(steps[name], results[name])
+    with pytest.raises(InputError, match="'orbit1': must be the last one; that is branch1 now"):
+        desk.undo("orbit1")
+    assert [*desk.session.results] == ["orbit1", "branch1"]
+    for name in ("branch1", "orbit1"):
+        desk.undo(name)
+    with pytest.raises(InputError, match="all are gone"):
+        desk.undo("orbit1")
 
 
 def test_a_system_without_processes_is_told(desk, taken_steps, monkeypatch):

@@ -202,4 +202,4 @@ def test_a_session_that_is_deleted_elsewhere_has_no_work_left(office, monkeypatc
     assert not desk.busy
     assert heard[1:] == [Work(), "this session was deleted in another page"]
     desk.stop()
-    assert desk.undo() is None
+    assert desk.undo("") is None

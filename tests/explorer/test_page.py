@@ -1,5 +1,7 @@
 """A page: what a person does becomes steps, and what comes is shown."""
 
+import json
+
 import pytest
 
 from saltus.errors import SaltusError
@@ -54,6 +56,11 @@ def opened(session, toys, uploaded=lambda content: "0123456789ab") -> Page:
     return Page(Paper(toys, session), uploaded, lambda subject: "ba9876543210")
 
 
+def click(page: Page, button, kind: str) -> None:
+    """Click on a button as the page's script does: it says the tag that the browser shows."""
+    page.wishes.take([json.dumps([kind, button.tags[0]])])
+
+
 @pytest.fixture
 def page(session, toys) -> Page:
     return opened(session, toys)
@@ -98,7 +105,7 @@ def test_undo_drops_the_last_result_everywhere(page, session):
     assert not page.undo.disabled
     for name in ("motion1", "sweep1", "locus1", "branch1", "orbit1"):
         assert session.entries[-1].name == name
-        page.undo.clicks += 1
+        click(page, page.undo, "undo")
     assert page.undo.disabled
     assert session.settings.selected is None
     assert "click on a branch" in page.orbit.title.object
@@ -186,13 +193,19 @@ def test_work_is_stopped_and_at_a_second_click_ended(page):
     page.worked(standing)
     assert page._stop.visible
     assert (page._bar.value, page._work.object) == (30, "branch 3 of 10 points, 7 s left")
-    page._stop.clicks += 1
+    click(page, page._stop, "stop")
     assert (page.desk.stops, page.desk.kills) == (1, 0)
     page.desk.standing = standing._replace(stopping=True)
+    click(page, page._stop, "stop")  # twice in a row, before the button says that it ends the process
+    assert (page.desk.stops, page.desk.kills) == (1, 0)
     page.worked(page.desk.work)
     assert page._stop.name == "End now"
-    page._stop.clicks += 1
+    click(page, page._stop, "stop")
     assert (page.desk.stops, page.desk.kills) == (1, 1)
+    page.desk.standing = Work("sweep: saltus.run_sweep(...)")
+    click(page, page._stop, "stop")  # the work has ended by itself meanwhile
+    assert (page.desk.stops, page.desk.kills) == (1, 1)
+    assert page._message.object == "nothing was ended: what was to be ended is done"
     page.worked(Work("sweep: saltus.run_sweep(...)"))
     assert (page._stop.name, page._stop.visible) == ("Stop", True)
     page.worked(Work())
@@ -219,7 +232,7 @@ def test_two_pages_of_a_session_show_the_same(session, toys):
     assert first.parameters._fields["a"].value == first.parameters._fields["a"]._number.value == 1.3
     first.select(Place(of="branch1", label="SN1"))
     assert second.actions._text.object == first.actions._text.object != ""
-    second._undo()
+    click(second, second.undo, "undo")
     assert len(first.list.panel) == len(second.list.panel) == len(session.entries) == 4
 
 
@@ -289,11 +302,23 @@ def test_axes_follow_what_is_left_after_undo(page, session, taken_steps):
     steps, results = taken_steps
     page.added(session.add(steps["branch1"], results["branch1"]))
     page.diagram.set_axes("e", "a")
-    page._undo()
+    click(page, page.undo, "undo")
     assert page.diagram.axes == ("a", "z")  # of the sweep
 
 
+def test_undo_drops_only_what_the_page_has_shown(page, session, taken_steps):
+    seen = page.undo.tags[0]
+    page.added(session.add(taken_steps[0]["branch1"], taken_steps[1]["branch1"]))
+    page.wishes.take([json.dumps(["undo", seen])])
+    assert session.last == "branch2"
+    assert page._message.object.endswith("must be the last one; that is branch2 now")
+    click(page, page.undo, "undo")
+    assert session.last == seen
+
+
 def test_an_empty_end_of_a_plane_is_told(page):
-    page._map({"z": (float("nan"), 2.0), "v": (0.0, 1.0)}, {}, (50, 200))
-    assert "an end of the range of z is empty" in page._message.object
+    for wrong in (float("nan"), float("-inf")):
+        page._line("")
+        page._map({"z": (wrong, 2.0), "v": (0.0, 1.0)}, {}, (50, 200))
+        assert "an end of the range of z is empty" in page._message.object
     assert page.desk.wanted == []

@@ -1,5 +1,7 @@
 """Parameters and start: fields and sliders, what a definition allows, sets of values."""
 
+import math
+
 import param
 import pytest
 
@@ -16,7 +18,12 @@ pytestmark = pytest.mark.usefixtures("heard")
 def shown(empty):
     """Return the view of a session and the changes that it tells."""
     changes: list[dict[str, float]] = []
-    return ParameterView(empty, lambda: changes.append(empty.changed()), lambda values: None), changes
+    return viewed(empty, lambda: changes.append(empty.changed())), changes
+
+
+def viewed(session, changed=lambda: None, moved=lambda values: None, tell=print) -> ParameterView:
+    """Return the view of a session."""
+    return ParameterView(session, changed, moved, tell)
 
 
 def bounded(tmp_path, **given) -> Session:
@@ -50,7 +57,7 @@ def test_a_slider_moves_the_number(shown):
 
 def test_a_slider_that_moves_is_told_and_takes_nothing_before_it_is_let_go(empty):
     changes, moves = [], []
-    view = ParameterView(empty, lambda: changes.append(1), moves.append)
+    view = viewed(empty, lambda: changes.append(1), moves.append)
     field = view._fields["a"]
     for place in (60, 70, 70):
         field._slider.value = place
@@ -64,18 +71,26 @@ def test_a_slider_that_moves_is_told_and_takes_nothing_before_it_is_let_go(empty
 
 def test_a_value_that_is_not_allowed_is_put_back(tmp_path):
     session, changes = bounded(tmp_path, parameter_bounds={"k": (1.0, 3.0)}, positive=("k",)), []
-    field = ParameterView(session, lambda: changes.append(1), lambda values: None)._fields["k"]
-    for wrong in (3.5, 0.5, -1.0, None):
+    lines: list[str] = []
+    field = viewed(session, lambda: changes.append(1), tell=lines.append)._fields["k"]
+    for wrong, told in {
+        3.5: "k = 3.5: must be between 1 and 3",
+        0.5: "k = 0.5: must be between 1 and 3",
+        -1.0: "k = -1.0: must be > 0",
+        None: "k = 'empty': must be a finite number",
+        math.inf: "k = inf: must be a finite number",
+    }.items():
         field._number.value = wrong
         assert field._number.value == 2.0
-    assert changes == []
+        assert lines.pop() == told
+    assert changes == lines == []
     field._number.value = 3.0
     assert session.settings.parameters["k"] == 3.0
 
 
 def test_a_slider_never_makes_a_positive_parameter_zero(tmp_path):
     session = bounded(tmp_path, positive=("k",))
-    field = ParameterView(session, lambda: None, lambda values: None)._fields["k"]
+    field = viewed(session)._fields["k"]
     slide(field, 0)
     assert 0.0 < session.settings.parameters["k"] <= 4.0 / 200
 
@@ -96,16 +111,26 @@ def test_the_start_is_taken(shown, empty):
     assert changes == [{}]
 
 
+def test_a_start_that_is_no_finite_number_is_put_back_and_told(empty):
+    changes, lines = [], []
+    view = viewed(empty, lambda: changes.append(1), tell=lines.append)
+    for wrong, told in {None: "'empty'", math.inf: "inf"}.items():
+        view._starts[1].value = wrong
+        assert view._starts[1].value == empty.settings.x0[1]
+        assert lines.pop() == f"start v = {told}: must be a finite number"
+    assert changes == lines == []
+
+
 def test_the_start_has_a_phase_where_the_session_has_one(empty):
     empty.settings.x0 = (0.6, 3.1, 0.5)
-    view = ParameterView(empty, lambda: None, lambda values: None)
+    view = viewed(empty)
     assert [field.name for field in view._starts] == ["z", "v", "θ"]
 
 
 def test_a_mode_is_chosen_where_there_are_several(tmp_path, shown):
     assert not shown[0]._mode.visible
     session = Session(of_system(afm()), tmp_path)
-    view = ParameterView(session, lambda: None, lambda values: None)
+    view = viewed(session)
     assert view._mode.visible
     view._mode.value = "contact"
     assert session.settings.mode == "contact"

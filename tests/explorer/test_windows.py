@@ -1,6 +1,7 @@
 """Pages that come and go in a real browser: reloads while work goes on, two windows on one session."""
 
 import os
+import re
 
 import pytest
 
@@ -68,6 +69,31 @@ def test_two_windows_on_one_session_show_the_same(screen, window, address, home)
         page.wait("sweep1")
     assert screen.errors == other.errors == []
     assert "Traceback" not in (home / "server.log").read_text()
+
+
+def test_undo_drops_no_result_that_the_page_has_not_shown(screen, window, address):
+    page, held, holding = window.new_page(), [], []
+
+    def passed(browsers) -> None:
+        server = browsers.connect_to_server()
+        server.on_message(lambda said: held.append((browsers, said)) if holding else browsers.send(said))
+
+    page.route_web_socket(re.compile("/ws"), passed)
+    slow = Screen(page, address, "&" + screen.page.url.partition("?")[2])
+    slow.wait("branch1")
+    holding.append(True)
+    screen.page.click(".find-orbit")
+    screen.wait("orbit2")
+    slow.page.click(".undo")  # the last result that it shows is a branch
+    screen.heard()
+    holding.clear()
+    for browsers, said in held:
+        browsers.send(said)
+    slow.until("message", "that is orbit2 now")
+    assert slow.results == screen.results == ["orbit1", "branch1", "orbit2"]
+    slow.page.click(".undo")
+    screen.page.wait_for_selector(".result-orbit2", state="detached")
+    page.close()
 
 
 def test_sessions_are_named_found_again_and_deleted(screen, home):

@@ -294,6 +294,47 @@ def test_a_value_at_which_nothing_can_start_is_a_row_with_its_reason(follow, mod
     assert sweep.reasons[0, 0].startswith("x0 = [0.0, 0.0]: must be in the domain of ")
 
 
+@pytest.mark.parametrize("lanes", [False, True])
+def test_a_value_at_which_the_phase_stands_still_is_a_row_with_its_reason(lanes):
+    driven = HybridSystem.smooth({"x": "cos(s) - x"}, {"w": 1.0}, phase=("s", "w"))
+    options = SweepOptions(follow="restart", lanes=lanes, **SHORT)
+    sweep = run_sweep(driven, "w", [-1.0, 0.0, 1.0, 2.0], x0=[0.1], options=options)
+    assert sweep.labels.tolist() == [["diverged", "diverged", "period-1", "period-1"]]
+    assert [*sweep.reasons[0]] == [f"rate of the phase s = {w}: must be > 0 and finite" for w in (-1.0, 0.0)] + [""] * 2
+    at_zero = 1.0 / (1.0 + sweep.values[2:] ** 2)  # x = Re exp(i s)/(1 + i w)
+    assert sweep.points[0, 2:, -1, 0] == pytest.approx(at_zero, rel=1e-8)
+
+
+def test_a_sweep_that_no_value_admits_tells_where_and_why():
+    driven = HybridSystem.smooth({"x": "cos(s) - x"}, {"w": 1.0}, phase=("s", "w"))
+    told = "rate of the phase s = -2.0: must be > 0 and finite; at w = -2, and no other value admits the start"
+    with pytest.raises(saltus.SaltusError, match=told):
+        run_sweep(driven, "w", [-2.0, -1.0], x0=[0.1])
+
+
+def test_a_quantity_without_a_value_is_told_with_the_values_of_the_parameter():
+    r = [2.0, 2.4, 2.5, 2.8, 2.9]  # the motion settles at x = 1 - 1/r
+    logarithms = ("log(min(x) - 0.59)", "max(log(x - 0.55))", "log(min(x))")
+    options = SweepOptions(quantities=("1/(x - x)", "x"), observables=logarithms, **SHORT)
+    with pytest.warns(RuntimeWarning) as told:
+        sweep = run_sweep(LOGISTIC_MAP, "r", r, x0=[0.3], options=options)
+    listed = "has no finite value at r ="
+    assert [str(one.message) for one in told] == [
+        f"saltus: '1/(x - x)' {listed} 2, 2.4, 2.5 and 2 more, of 5 values",
+        f"saltus: 'log(min(x) - 0.59)' {listed} 2, 2.4, of 5 values",
+        f"saltus: 'max(log(x - 0.55))' {listed} 2, of 5 values",
+    ]
+    assert [*sweep.observed[0, :, 2]] == pytest.approx([math.log(1.0 - 1.0 / a) for a in r], rel=1e-6)
+
+
+def test_an_event_that_does_not_happen_is_no_gap(impact_oscillator):
+    seen = f"velocity({impact_oscillator.transition_names[0]})"
+    options = SweepOptions(observables=(seen,), **SHORT)
+    sweep = run_sweep(impact_oscillator, "A", [0.05], parameters=PLACE, options=options)
+    assert sweep.labels.tolist() == [["period-1"]]
+    assert np.isnan(sweep.observed).all()
+
+
 def test_a_start_on_the_section_is_a_start(logistic):
     sweep = run_sweep(logistic, "a", [3.2], x0=[0.3, 1.0], options=SweepOptions(section="map", discard=0, keep=1))
     assert sweep.labels.tolist() == [["period-2"]]

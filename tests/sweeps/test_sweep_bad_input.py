@@ -138,10 +138,10 @@ def test_a_start_must_be_given_where_no_mode_holds_at_zero(relay):
 
 def test_a_start_outside_the_domain_of_its_mode_at_every_value():
     system = HybridSystem(("x",), {"b": 0.0}, {"low": Mode({"x": "-x"}, domain="x - 2 + b")}, phase=("s", "1"))
-    message = r"^x0 = \[0\.0, 0\.0\]: must be in the domain of mode 'low', x - 2 \+ b > 0; it is -1 there$"
-    with pytest.raises(InputError, match=message):
+    message = r"^x0 = \[0\.0, 0\.0\]: must be in the domain of mode 'low', x - 2 \+ b > 0; it is -1 there"
+    with pytest.raises(InputError, match=message + "; at b = 1, and no other value admits the start$"):
         run_sweep(system, "b", [1.0, 1.5], x0=[0.0], options=SweepOptions(mode="low", **SHORT))
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message + "$"):
         simulate(system, {"b": 1.0}, [0.0], mode="low", periods=1)
 
 

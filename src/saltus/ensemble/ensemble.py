@@ -19,7 +19,7 @@ from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
 from saltus.flow.event_logs import events_after
 from saltus.flow.motion import jumps_at_phase_zero
-from saltus.flow.starting import starting_mode
+from saltus.flow.starting import phase_rate, starting_mode
 from saltus.flow.variational import Average, Growth, growth_along
 from saltus.system.angles import refuse
 from saltus.system.own_states import absent_states
@@ -119,9 +119,7 @@ class Ensemble:
         self.work = np.zeros(2 * len(system.modes), np.int64)
         self.left_over, self.periods, self.periods_alone, self.rate = 0, 0, 0, 0.0
         if interval is None:
-            self.rate = float(system.compiled.field(0, system.full_state(np.zeros(self.n)), self.p)[-1])
-            if not 0.0 < self.rate < math.inf:
-                raise InputError(f"rate of the phase {system.all_states[-1]}", self.rate, "> 0 and finite")
+            self.rate = phase_rate(system, self.p, system.full_state(np.zeros(self.n)), 0)
         self.period = 2.0 * math.pi / self.rate if interval is None else interval
 
     def strobe(

@@ -34,6 +34,7 @@ class _Held:
 
     def __init__(self, context: Any) -> None:
         self._context, self._holds, self._loaded = context, False, False
+        self._timer: Any = None
 
     def hold(self) -> None:
         """Keep the page, for a time."""
@@ -42,11 +43,14 @@ class _Held:
         if not self._loaded:
             self._holds = True
             self._context.session.block_expiration()
-            IOLoop.current().call_later(_SLOWEST, self.release)
+            self._timer = IOLoop.current().call_later(_SLOWEST, self.release)
 
     def release(self) -> None:
         """Leave it to Bokeh when the page ends."""
         self._loaded = True
         if self._holds:
+            from tornado.ioloop import IOLoop
+
             self._holds = False
+            IOLoop.current().remove_timeout(self._timer)  # it keeps the page, which may be gone
             self._context.session.unblock_expiration()

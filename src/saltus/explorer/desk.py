@@ -282,15 +282,23 @@ class Desk:
                 except SaltusError as error:
                     self.tell(f"the session is not kept: {error}", error=True)
 
-    def undo(self) -> Entry | None:
+    def undo(self, seen: str) -> Entry | None:
         """Drop the last result; return it.
+
+        Parameters
+        ----------
+        seen : str
+            Its name, as the person saw it: another result may have come meanwhile.
 
         Raises
         ------
         InputError
-            Work under way begins at it.
+            Another result is the last one, or work under way begins at it.
         """
-        last = self.session.entries[-1].name if self.session.entries else ""
+        last = self.session.last
+        if seen != last:
+            hint = f"that is {last} now" if last else "all are gone"
+            raise InputError("result to be dropped", seen, "the last one", hint)
         for job in self._jobs.values():
             if job.step is not None and last in job.step.needs:
                 raise InputError(

@@ -1,11 +1,11 @@
-// Keys, and buttons in lists and tables: what they ask for goes to the server as a wish.
+// Keys, buttons in lists and tables, and some others: what they ask for goes to the server as a wish.
 {
   const modelOf = name => {
     const owner = Bokeh.documents.find(known => known.get_model_by_name(name) != null)
     return owner?.get_model_by_name(name)
   }
   let said = 0
-  const wish = asked => {
+  const wish = window.wish = asked => {
     const model = modelOf('wishes')
     if (model) model.data = {wish: [JSON.stringify(asked)], at: [++said]}
   }
@@ -26,6 +26,30 @@
       if (node.dataset?.wish) return wish(JSON.parse(node.dataset.wish))
     }
   })
+
+  // a field for a number passes over a text that is none, or lies beyond its ends, without a word: the page says it
+  const modelOfField = input => {
+    const host = input.closest?.('.bk-spin-wrapper') && input.getRootNode().host
+    return host && Bokeh.index.query_one(view => view.el === host)?.model
+  }
+  const refuse = (model, text) => {
+    const name = model.css_classes[0]?.replace('-', ' ') || model.title
+    const ends = model.high == null ? '' : ` from ${model.low} to ${model.high}`
+    wish(['refused', name, text, (model.mode == 'int' ? 'a whole number' : 'a number') + ends])
+  }
+  const look = (model, text) => text.trim() && Number(text) !== model.value && refuse(model, text)
+  document.addEventListener('input', event => { // before the field has taken characters away that it does not know
+    const input = event.composedPath()[0], text = input.value, model = modelOfField(input)
+    if (model) setTimeout(() => input.value != text && refuse(model, text))
+  }, true)
+  document.addEventListener('focusout', event => { // before the field shows its number again
+    const input = event.composedPath()[0], model = modelOfField(input)
+    if (model) look(model, input.value)
+  }, true)
+  document.addEventListener('keydown', event => {
+    const input = event.composedPath()[0], model = event.key == 'Enter' && modelOfField(input)
+    if (model) setTimeout(() => look(model, input.value)) // when the field has taken it
+  }, true)
 
   // steps of a key that is held come together, so that the server keeps up
   let ahead = 0, waiting = null

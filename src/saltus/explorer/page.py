@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from html import escape
 from io import BytesIO
-from math import isnan
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus.errors import SaltusError
+from saltus.errors import InputError, SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.basin_search import Search, map_plane
 from saltus.explorer.desk import FILM, Desk, Listener, Work
@@ -67,7 +67,7 @@ class Page(Listener):
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
         self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
         self._stop.visible = False
-        widgets.on_click(self._stop, self._stop_clicked)
+        widgets.on_seen_click(self._stop, "stop")
         self.diagram = DiagramView(self.session, self.select, self._line, self._settings_changed)
         self.diagrams = DiagramsView(self.session, self.diagram, self.select, self._line, self._settings_changed)
         self.orbit = OrbitView(self.session, self._line, desk.application.readings, self._simulate)
@@ -80,8 +80,8 @@ class Page(Listener):
         if len(self.session.system.states) < _PLANE:
             del parts["Basins"]
         self.orbit.tabs.extend([(name, part.panel) for name, part in parts.items()])
-        self.parameters = ParameterView(self.session, self._values_changed, self._slides)
-        self.numerics = NumericsView(self.session, self._settings_changed)
+        self.parameters = ParameterView(self.session, self._values_changed, self._slides, self._line)
+        self.numerics = NumericsView(self.session, self._settings_changed, self._line)
         self.starts = StartView(self.session, self.run, self._observed, self._line)
         self.actions = ActionView(self.session, self.run, self._film_wanted, desk.application.films, self._line)
         self.list = ListView(self.session, self._hidden_changed)
@@ -96,7 +96,7 @@ class Page(Listener):
         self._file = widgets.upload("open-session")
         widgets.on_change(self._file, lambda content: self._open(content, uploaded))
         self.undo = widgets.button("Undo", "undo", tip="drop the last result")
-        widgets.on_click(self.undo, self._undo)
+        widgets.on_seen_click(self.undo, "undo")
         desk.join(self, widgets.poster())
         if self.session.settings.selected is None:
             first = next((e for e in self.session.entries if e.step.noun in ("orbit", "equilibrium")), None)
@@ -163,11 +163,14 @@ class Page(Listener):
             return
         self.desk.run(step, done, replaces)
 
-    def _stop_clicked(self) -> None:
-        """Interrupt the work; at a second click end the process that does it."""
-        if self.desk.work.stopping:
+    def _stop_clicked(self, seen: str) -> None:
+        """Interrupt the work; where the button said that it ends the process, end it, unless the work is done."""
+        stopping = self.desk.work.stopping
+        if seen == _END and stopping:
             self.desk.kill()
-        else:
+        elif seen == _END:
+            self._line("nothing was ended: what was to be ended is done")
+        elif not stopping:
             self.desk.stop()
 
     def _open(self, content: bytes | None, uploaded: Callable[[bytes], str]) -> None:
@@ -195,6 +198,9 @@ class Page(Listener):
             "name": self.diagram.name_marks_anew,
             "sort": self.points.sort,
             "step": lambda count, special: self._step(int(count), special=bool(special)),
+            "refused": lambda name, text, allowed: self._line(str(InputError(name, text, allowed))),
+            "undo": self._undo,
+            "stop": self._stop_clicked,
         }
 
     def _take(self, place: Place) -> None:
@@ -213,17 +219,17 @@ class Page(Listener):
     def _forms_wanted(self, name: str, done: Callable[[dict[str, str]], None]) -> None:
         self.desk.normal_forms(self.session.results[name], done, self)
 
-    def _undo(self) -> None:
+    def _undo(self, seen: str) -> None:
+        """Drop the last result, if it is the one that the page showed as the last."""
         try:
-            undone = self.desk.undo()
+            self.desk.undo(seen)
         except SaltusError as error:
             self._line(str(error))
             return
-        if undone is not None:
-            self.points.forget_gone()
-            self.diagram.follow_newest()
-            self._show_all()
-            self.desk.change(self)
+        self.points.forget_gone()
+        self.diagram.follow_newest()
+        self._show_all()
+        self.desk.change(self)
 
     def _settings_changed(self) -> None:
         self.session.keep()
@@ -285,8 +291,8 @@ class Page(Listener):
         if len(free) < 2:
             self._line("a plane needs two different states")
             return
-        if empty := [name for name, ends in free.items() if any(map(isnan, ends))]:
-            self._line(f"an end of the range of {empty[0]} is empty: it must be a number")
+        if wrong := [name for name, ends in free.items() if not all(map(isfinite, ends))]:
+            self._line(f"an end of the range of {wrong[0]} is empty or infinite: it must be a finite number")
             return
         solution = self._selected()
         given = self.session.changed() if solution is None else dict(solution.parameters)
@@ -343,6 +349,7 @@ class Page(Listener):
         """Show how far the work has come."""
         self._stop.visible = self._bar.visible = bool(work.what)
         self._stop.name = _END if work.stopping else _STOP
+        self._stop.tags = [self._stop.name]
         self._bar.value = share_of(work.progress)
         self._work.object = line_of(work)
         self.diagram.draw_trail(work.trail)
@@ -373,8 +380,8 @@ class Page(Listener):
         self.diagrams.redraw()
         self.space.redraw()
         self.list.show(self._colour, self.diagram.unseen)
+        self.undo.disabled, self.undo.tags = not self.session.entries, [self.session.last]  # at once: as the list says
         self.points.show()
-        self.undo.disabled = not self.session.entries
         self._show_selected()
         self._tell_script()
         basins: list[Any] = [entry.result for entry in self.session.entries if entry.step.noun == "basins"]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from saltus.errors import InputError
 from saltus.explorer import look, widgets
 from saltus.explorer.kinds import kind_of
 
@@ -31,14 +32,20 @@ class ParameterView:
         Called after a value was changed.
     moved : callable
         Called with the values of all parameters while a slider moves.
+    tell : callable
+        Called with a line about a value that is not allowed; the field then shows the value before.
     """
 
     def __init__(
-        self, session: Session, changed: Callable[[], None], moved: Callable[[dict[str, float]], None]
+        self,
+        session: Session,
+        changed: Callable[[], None],
+        moved: Callable[[dict[str, float]], None],
+        tell: Callable[[str], None],
     ) -> None:
-        self._session, self._changed, self._moved, self._showing = session, changed, moved, False
-        system = session.system
-        self._fields = {name: _Field(session, name, self._take, self._slid) for name in system.parameter_names}
+        self._session, self._changed, self._moved, self._tell = session, changed, moved, tell
+        self._showing, system = False, session.system
+        self._fields = {name: _Field(session, name, self._take, self._slid, tell) for name in system.parameter_names}
         names = [*system.states]
         if len(session.settings.x0) > len(names) and system.phase is not None:
             names.append(system.phase[0])
@@ -73,10 +80,12 @@ class ParameterView:
             return
         settings, mode = self._session.settings, self._mode.value or None
         parameters = {name: field.value for name, field in self._fields.items()}
-        if any(widget.value is None for widget in self._starts):
-            self.show()  # an emptied field is put back
+        try:
+            x0 = tuple(widgets.number_of(f"start {widget.name}", widget.value) for widget in self._starts)
+        except InputError as error:
+            self._tell(str(error))
+            self.show()
             return
-        x0 = tuple(float(widget.value) for widget in self._starts)
         if (parameters, x0, mode) != (settings.parameters, settings.x0, settings.mode):
             settings.parameters, settings.x0, settings.mode = parameters, x0, mode
             self._changed()
@@ -115,14 +124,17 @@ class _Field:
     """A number field and a slider for one parameter; the slider counts steps over a range, in any units."""
 
     def __init__(
-        self, session: Session, name: str, taken: Callable[[], None], moved: Callable[[str, float], None]
+        self,
+        session: Session,
+        name: str,
+        taken: Callable[[], None],
+        moved: Callable[[str, float], None],
+        tell: Callable[[str], None],
     ) -> None:
-        system, self._taken, self._moved, self._name = session.system, taken, moved, name
+        self._system, self._taken, self._moved, self._name, self._tell = session.system, taken, moved, name, tell
         self.value = self._shown = session.settings.parameters[name]
         self._range = range_of(session, name)
-        least, most = system.parameter_bounds.get(name, (-math.inf, math.inf))
-        self._least, self._open = max(least, 0.0 if name in system.positive else least), name in system.positive
-        self._most = most
+        self._open = name in session.system.positive
         label = widgets.html("parameter-name", escape(look.bare_label(name)), (0, 0, 0, 6), width=118)
         self._number = widgets.number("", self.value, 118, f"parameter-{name}", (1, 4))
         place = self._place(self.value)
@@ -144,10 +156,13 @@ class _Field:
     def _typed(self, value: float | None) -> None:
         if value == self.value:
             return
-        if value is None or not self._least <= value <= self._most or (self._open and value <= 0.0):
-            self.show(self.value)  # what is not allowed is put back
+        try:
+            taken = self._system.resolve({self._name: widgets.number_of(self._name, value)})[self._name]
+        except InputError as error:
+            self._tell(str(error))
+            self.show(self.value)
             return
-        self.show(float(value))
+        self.show(taken)
         self._taken()
 
     def _slides(self, place: int) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from saltus.errors import InputError
 from saltus.explorer import look, widgets
 from saltus.explorer.parameter_view import range_of
 
@@ -55,12 +54,10 @@ class RangeField:
         Raises
         ------
         InputError
-            A field is empty.
+            A field is empty, or its number is not finite.
         """
-        for end, title in zip(self.ends, ("lower", "upper"), strict=True):
-            if end.value is None:
-                raise InputError(f"{title} bound of {self.name}", "empty", "a number")
-        low, high = (float(end.value) for end in self.ends)
+        both = zip(self.ends, ("lower", "upper"), strict=True)
+        low, high = (widgets.number_of(f"{title} bound of {self.name}", end.value) for end, title in both)
         return low, high
 
     def bounds_of(self, name: str) -> tuple[float, float]:
@@ -69,7 +66,7 @@ class RangeField:
         Raises
         ------
         InputError
-            It is the one that is chosen, and a field is empty.
+            It is the one that is chosen, and a field is empty, or its number is not finite.
         """
         return self.bounds if name == self.name else self._kept(name)
 

@@ -105,6 +105,11 @@ class Session:
         """Results by name."""
         return {entry.name: entry.result for entry in self.entries}
 
+    @property
+    def last(self) -> str:
+        """Name of the last result; empty without."""
+        return self.entries[-1].name if self.entries else ""
+
     def entry(self, name: str) -> Entry:
         """Return the entry of a name."""
         return next(entry for entry in self.entries if entry.name == name)

@@ -9,6 +9,8 @@ from typing import Any
 
 import panel as pn
 
+from saltus import checks
+
 __all__ = [
     "bar",
     "beside",
@@ -23,9 +25,11 @@ __all__ = [
     "html",
     "lines",
     "number",
+    "number_of",
     "offered",
     "on_change",
     "on_click",
+    "on_seen_click",
     "pane",
     "poster",
     "quantity",
@@ -58,6 +62,14 @@ def button(text: str, name: str, *, kind: str = "default", tip: str = "") -> Any
 def on_click(made: Any, work: Callable[[], object]) -> None:
     """Do work when a button is clicked, with the document's lock."""
     made.on_click(_locked(lambda _: work()))
+
+
+def on_seen_click(made: Any, kind: str) -> None:
+    """Let a click say a wish of a kind, with the button's tag that the browser shows then.
+
+    What the server would do with the click may have changed since the person looked: it can compare the tag.
+    """
+    made.js_on_click({"button": made}, f"wish(['{kind}', button.tags[0]])")
 
 
 def on_change(made: Any, work: Callable[[Any], object], what: str = "value") -> None:
@@ -128,6 +140,17 @@ def number(
     options: dict[str, Any] = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
     options |= {"start": ends[0], "end": ends[1]}
     return pn.widgets.FloatInput(name=title, value=value, width=width, **options)
+
+
+def number_of(name: str, value: float | None) -> float:
+    """Return the number in a field, whose value is given.
+
+    Raises
+    ------
+    InputError
+        The field is empty, or its number is not finite; `name` says which field.
+    """
+    return checks.number(name, "empty" if value is None else value)
 
 
 def count(title: str, value: int, width: int, ends: tuple[int, int], name: str) -> Any:

@@ -348,8 +348,8 @@ def _turn(system: HybridSystem, text: str) -> float:
         rises, sizes = [], []
         for k in range(_BEGINNINGS if turn else 0):
             values = {other: math.sqrt(2.0 + i + 3.0 * k) for i, other in enumerate(formula.parts)}
-            with np.errstate(all="ignore"):
-                before = formula.value(values, parameters)
+            before = formula.value(values, parameters)
+            with np.errstate(invalid="ignore"):  # of infinite values
                 rises.append(abs(formula.value(values | {part: values[part] + turn}, parameters) - before))
             sizes.append(abs(before))
         step = max(rises, default=0.0)

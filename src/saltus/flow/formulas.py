@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from saltus.errors import InputError, nearest
 from saltus.system.evaluate import check_expression, read_expression
 from saltus.system.periodicity import is_periodic
@@ -69,6 +71,11 @@ class Formula:
         parameters : mapping of str to float or ndarray
             All parameters, and ``period`` of a periodic motion.
 
+        Returns
+        -------
+        float or ndarray
+            Infinite or NaN where the formula has no value.
+
         Raises
         ------
         InputError
@@ -80,7 +87,8 @@ class Formula:
         if "period" in self.expression.names and "period" not in parameters:
             raise InputError("observable", "period", "of a periodic motion")
         known = {symbol: values[part] for symbol, part in zip(self.symbols, self.parts, strict=True)}
-        return self.expression.value(dict(parameters) | known)
+        with np.errstate(all="ignore"):
+            return self.expression.value(dict(parameters) | known)
 
 
 def read_formula(system: Definition, text: str) -> Formula:

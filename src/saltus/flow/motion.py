@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
+from saltus.flow.starting import phase_rate
 from saltus.flow.sticking import sticking_surface
 from saltus.flow.stiffness import fastest_in_words, may_be_implicit, worth
 from saltus.system.filippov import lines_of
@@ -92,9 +93,7 @@ class EventDrivenMotion:
         self.rate = 0.0
         self.offset = 0.0
         if system.phase is not None:
-            self.rate = float(compiled.field(mode, x, p)[-1])
-            if not 0.0 < self.rate < math.inf:
-                raise InputError(f"rate of the phase {system.phase[0]}", self.rate, "> 0 and finite")
+            self.rate = phase_rate(system, p, x, mode)
         index = {name: i for i, name in enumerate(system.mode_names)}
         rows = [[index[t.source], index[t.target], t.direction] for t in system.transitions]
         self.transitions = np.array(rows, dtype=np.int64).reshape(len(rows), 3)

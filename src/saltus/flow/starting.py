@@ -1,7 +1,8 @@
-"""The mode in which a motion starts: those that a state allows, and starts that are refused."""
+"""The mode in which a motion starts: those that a state allows, starts and rates of the phase that are refused."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["allowed_modes", "domain_value", "passed_event", "starting_mode"]
+__all__ = ["allowed_modes", "domain_value", "passed_event", "phase_rate", "starting_mode"]
 
 _APART = 1e-3  # change of a state, over its size, by which a surface's slope is looked at
 _ON_SURFACE = 1e-8  # distance from a surface, over its variation with the states' sizes, up to which a state is on it
@@ -116,3 +117,18 @@ def passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDA
         if side * transition.direction > 0.0 and when[0] > 0.0:
             return transition.name
     return ""
+
+
+def phase_rate(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> float:
+    """Return the rate of the phase.
+
+    Raises
+    ------
+    InputError
+        It is not positive and finite.
+    """
+    assert system.phase is not None
+    rate = float(system.compiled.field(mode, x, p)[-1])
+    if not 0.0 < rate < math.inf:
+        raise InputError(f"rate of the phase {system.phase[0]}", rate, "> 0 and finite")
+    return rate

@@ -31,6 +31,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.progress import Report, Reporter
+from saltus.sweeps.gaps import warn_of_gaps
 from saltus.sweeps.options import PASSES, SweepOptions
 from saltus.sweeps.record import Record
 from saltus.sweeps.sweep import Sweep
@@ -97,6 +98,11 @@ def run_sweep(
     InputError
         An argument that cannot be used, a start that no value admits, or a file with a sweep of other input.
 
+    Warns
+    -----
+    RuntimeWarning
+        A quantity or an observable of a motion has no finite value, as a logarithm of what is negative; it tells where.
+
     Notes
     -----
     With `path`, the finished values are saved whatever ends a sweep early.
@@ -118,7 +124,7 @@ def run_sweep(
     most, what = (1, "as every value starts anew") if anew else (grid.size, "the number of values")
     checks.count("SweepOptions.chunks", chosen.chunks, 1, most, what)
     reporter = Reporter(progress)
-    task.load(float(grid[0]))
+    task.load(grid.tolist())
     directions = PASSES[chosen.follow]
     record = Record.begun(task, grid, directions, path, reporter)
     pieces = _pieces(directions, grid.size, grid.size if anew else chosen.chunks)
@@ -139,7 +145,9 @@ def run_sweep(
     finally:
         if record.fresh:
             record.save()
-    return record.as_sweep()
+    found = record.as_sweep()
+    warn_of_gaps(found)
+    return found
 
 
 def _lanes_pay(pieces: int, values: int, options: SweepOptions) -> bool:

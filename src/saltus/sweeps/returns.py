@@ -17,7 +17,7 @@ from saltus.flow.motion import EventDrivenMotion, tolerances_of
 from saltus.flow.poincare import EventSection, PoincareReturns, admits, iterate
 from saltus.flow.simulation import simulate
 from saltus.flow.sizes import fitting_atol
-from saltus.flow.starting import starting_mode
+from saltus.flow.starting import phase_rate, starting_mode
 from saltus.flow.variational import Average, Growth, growth_along
 from saltus.sweeps.section import Section, on_section
 from saltus.system import HybridSystem
@@ -169,6 +169,7 @@ class FlowReturns:
         for p in vectors:
             try:
                 first = starting_mode(self.system, self.x0, p, self.mode)
+                self._check_phase(p)
             except InputError as error:
                 refusals.append(error)
                 continue
@@ -186,6 +187,7 @@ class FlowReturns:
         self, p: NDArray[np.float64], end: tuple[NDArray[np.float64], int] | None
     ) -> tuple[NDArray[np.float64], int]:
         """Return state and mode from which a motion starts that follows another one's end."""
+        self._check_phase(p)
         if end is not None:
             x, mode = end
             if admits(self.system, p, x, mode):
@@ -329,9 +331,14 @@ class FlowReturns:
             none, state = np.empty((0, len(self.steady.all_states))), np.array(error.state)
             return PoincareReturns(none, np.empty(0, np.int64), np.empty(0), state, self.steady.mode_index(error.mode))
 
+    def _check_phase(self, p: NDArray[np.float64]) -> None:
+        """Raise `InputError` where there is a phase that does not go on."""
+        if self.system.phase is not None:
+            phase_rate(self.system, p, self.x0, 0)
+
     def _period(self, p: NDArray[np.float64]) -> float:
         """Period of the phase."""
-        return 2.0 * math.pi / float(self.system.compiled.field(0, self.x0, p)[-1])
+        return 2.0 * math.pi / phase_rate(self.system, p, self.x0, 0)
 
     def _rounding(self, p: NDArray[np.float64], found: PoincareReturns, time: float) -> NDArray[np.float64]:
         """Return the differences of full states that are rounding, from their sizes over a mean return."""

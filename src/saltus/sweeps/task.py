@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,7 +13,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.ensemble.returns import Start
-from saltus.errors import ChatteringError
+from saltus.errors import ChatteringError, InputError
 from saltus.flow.motion_kind import CHATTERING, DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
 from saltus.flow.poincare import PoincareReturns
 from saltus.flow.variational import Growth
@@ -105,7 +106,12 @@ class Task:
         checks.size("SweepOptions.keep", options.keep, 1, checks.LARGEST_LIST // values.size)
         checks.count("SweepOptions.exponents", options.exponents, 1, len(system.states), "the states")
         vectors = [system.parameter_vector({**base, parameter: value}) for value in values.tolist()]
-        motions = motions.ready(vectors, given=x0 is not None)
+        try:
+            motions = motions.ready(vectors, given=x0 is not None)
+        except InputError as error:
+            name, value, allowed, hint = error.args
+            where = f"at {parameter} = {values[0]:.6g}, and no other value admits the start"
+            raise InputError(name, value, allowed, f"{hint}; {where}" if hint else where) from error
         quantities = tuple(system.states if options.quantities is None else options.quantities)
         for text in quantities:
             check_expression(system, text)
@@ -131,9 +137,12 @@ class Task:
             settings=settings,
         )
 
-    def load(self, value: float) -> None:
-        """Load the compiled functions, before threads ask for them."""
-        self.motions.load(self.system.parameter_vector({**self.parameters, self.parameter: value}))
+    def load(self, values: Sequence[float]) -> None:
+        """Load the compiled functions, before threads ask for them, by the first value that admits the start."""
+        for value in values:
+            with suppress(*self.motions.faults):
+                self.motions.load(self.system.parameter_vector({**self.parameters, self.parameter: value}))
+                return
 
     def by_lanes(self, value: float, *, growing: bool) -> Task | None:
         """Return the same that can follow motions side by side in lanes; None where there are no lanes.

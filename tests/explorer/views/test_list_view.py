@@ -58,3 +58,12 @@ def test_a_box_hides_a_result_and_shows_it_again(session):
     boxes[2].value = True
     assert changes == [{"branch1", "locus1"}, {"branch1"}]
     assert ["not on these axes" in row[1].object for row in shown.panel] == [False, False, False, True, False]
+
+
+def test_a_sweep_tells_where_it_has_no_motion(session):
+    sweep = session.entry("sweep1")
+    assert "no motion" not in line_of(sweep, "")
+    step = sweep.step.model_copy(update={"parameter": "w", "bounds": (0.0, 1.0)})
+    entry = session.add(step, step.run(session.system, {}, False))
+    told = "no motion at 1 of 2 values; at w = 0: rate of the phase theta = 0.0: must be &gt; 0 and finite"
+    assert f'<span class="note">{told}</span>' in line_of(entry, "")

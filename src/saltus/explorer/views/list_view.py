@@ -6,9 +6,12 @@ from collections.abc import Callable
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from saltus.explorer import widgets
 from saltus.explorer.session import told_end
 from saltus.progress import duration_text
+from saltus.sweeps import Sweep
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry, Session
@@ -78,7 +81,7 @@ def line_of(entry: Entry, colour: str, unseen: str = "") -> str:
     unseen : str, optional
         Why it cannot be drawn on the diagram's axes.
     """
-    first, ends = repr(entry.result).splitlines()[0], told_end(entry.result)
+    first, ends, lost = repr(entry.result).splitlines()[0], told_end(entry.result), _told_lost(entry.result)
     shape = " round" if _COLOURED.get(entry.step.noun) else ""
     swatch = f'<span class="swatch{shape}" style="background:{colour}"></span>' if entry.step.noun in _COLOURED else ""
     parts = [
@@ -86,6 +89,16 @@ def line_of(entry: Entry, colour: str, unseen: str = "") -> str:
         f'<span class="end">{escape(ends)}</span>' if ends else "",
         f'<span class="time">{escape(duration_text(entry.seconds))}</span>' if entry.seconds else "",
         *(f'<span class="note">{escape(note)}</span>' for note in entry.notes),
+        f'<span class="note">{escape(lost)}</span>' if lost else "",
         f'<span class="note">not on these axes: {escape(unseen)}</span>' if unseen else "",
     ]
     return f'<div class="result" title="{escape(entry.step.text())}">{" ".join(part for part in parts if part)}</div>'
+
+
+def _told_lost(result: Any) -> str:
+    """Return at how many values a sweep has no motion, and why at the first of them; empty of all else."""
+    if not isinstance(result, Sweep) or not (lost := result.reasons != "").any():
+        return ""
+    row, place = np.argwhere(lost)[0]
+    where = f"{result.parameter} = {result.values[place]:.6g}"
+    return f"no motion at {lost.sum()} of {lost.size} values; at {where}: {result.reasons[row, place]}"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from saltus.errors import InputError
 from saltus.explorer import widgets
 from saltus.explorer.kinds import kind_of
 from saltus.explorer.numerics import Numerics, section_names
@@ -39,10 +41,12 @@ class NumericsView:
         Whose numbers they are.
     changed : callable
         Called after a number was changed.
+    tell : callable
+        Called with a line about a number that is not allowed; the field then shows the number before.
     """
 
-    def __init__(self, session: Session, changed: Callable[[], None]) -> None:
-        self._session, self._changed = session, changed
+    def __init__(self, session: Session, changed: Callable[[], None], tell: Callable[[str], None]) -> None:
+        self._session, self._changed, self._tell = session, changed, tell
         kind = kind_of(session.system)
         self._fields = {name: self._field(name, title) for name, title in _FIELDS.items() if name in kind.numerics}
         names = section_names(session.system)
@@ -61,10 +65,13 @@ class NumericsView:
     def _take(self) -> None:
         """Take all fields into the session; what is not allowed is put back."""
         given = {name: field.value for name, field in self._fields.items() if field.value is not None}
-        given |= {name: round(given[name]) for name in _WHOLE if name in given}
+        given |= {name: round(given[name]) for name in _WHOLE if isfinite(given.get(name, inf))}
         try:
             found = Numerics(**given, section=self._section.value or "")
-        except ValidationError:
+        except ValidationError as error:
+            first = error.errors()[0]
+            title, allowed = _FIELDS[str(first["loc"][0])], first["msg"].removeprefix("Input should be ")
+            self._tell(str(InputError(title, first["input"], allowed)))
             self.show()
             return
         if found != self._session.settings.numerics:
