@@ -234,3 +234,45 @@ def test_critical_multipliers_are_left_out() -> None:
     assert without_critical("TR", values, math.cos(0.7)).tolist() == [2.0, 0.5, -0.99]
     assert without_critical("PD", values, math.nan).tolist() == [2.0, *pair, 0.5]
     assert without_critical("GR", values, math.nan).tolist() == []
+
+
+def coupled(kind: str, seed: int, steps: float) -> list[tuple[str, float, float]]:
+    """Return the points on a locus of a linear part without structure, whose entries depend on p and q."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(4, 7))
+    first = 1.0 if kind == "HB" else 0.9
+    parts = [(random.normal(size=(n, n)) * size / math.sqrt(n)).tolist() for size in (first, 0.8, 0.8)]
+    names = [f"x{i}" for i in range(n)]
+    rows = [
+        " + ".join(
+            f"({parts[0][i][j]} + ({parts[1][i][j]})*p + ({parts[2][i][j]})*q)*{name}" for j, name in enumerate(names)
+        )
+        for i in range(n)
+    ]
+    images = {name: f"{row} - {name}**3" for name, row in zip(names, rows, strict=True)}
+    start, ends = {"p": -1.5, "q": 0.0}, (-1.5, 1.5)
+    if kind == "HB":
+        rest = saltus.find_equilibrium(HybridSystem(tuple(names), start, {"all": Mode(images)}), x0=np.zeros(n))
+        branch: Any = saltus.continue_equilibrium(rest, "p", ends)
+    else:
+        clocked = saltus.Transition("wait", "wait", "s - 1", 1, images | {"s": "0"}, name="map")
+        wait = Mode(dict.fromkeys(names, "0") | {"s": "1"})
+        system = HybridSystem((*names, "s"), start, {"wait": wait}, [clocked])
+        orbit = saltus.solve_orbit(system, segments=[("wait", "map", np.zeros(n + 1), 1.0)])
+        branch = saltus.continue_orbit(orbit, "p", ends)
+    points = branch.special_points.of_type(kind)
+    if not points:
+        return []
+    found = saltus.continue_locus(points[0], ("p", "q"), {"p": ends, "q": ends}, steps=StepControl(largest=steps))
+    return sorted((p.type, *map(float, p.parameters.values())) for p in found.special_points if p.type != "TP")
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("kind", MET)
+@pytest.mark.parametrize("seed", range(6))
+def test_steps_of_any_length_find_the_same(kind: str, seed: int) -> None:
+    fine, usual, long = (coupled(kind, seed, steps) for steps in (0.01, 0.1, 0.3))
+    for found in (usual, long):
+        assert [name for name, *_ in found] == [name for name, *_ in fine]
+        for (_, *one), (_, *other) in zip(found, fine, strict=True):
+            assert one == pytest.approx(other, abs=1e-6)
