@@ -35,6 +35,7 @@ _DEEPEST = 10  # most times that a part of a step is halved
 _MOST = 200  # parts looked at, from which on none is halved
 _DOUBT = 2.0  # factor on what a cubic misses in the middle of a part
 _BENT = 0.25  # the same over the change in the part, up to which a function that changes its sign does so once
+_FLAT = 0.25  # the same over the slope, up to which a function passes 0 once where it is steeper than a miss
 _MOVED = 0.3  # way of a value in a step over its scale, up to which it is taken to move steadily
 _UNEVEN = 8.0  # factor on the curvature of a function that is taken to change steadily
 _AGREED = 0.01  # the same up to which the values of one function are taken to be followed, not mistaken for others
@@ -208,6 +209,17 @@ def _cubic(f: float, df: float, g: float, dg: float, s: float) -> float:
     return f + s * (df + s * (3.0 * (g - f) - 2.0 * df - dg + s * (2.0 * (f - g) + df + dg)))
 
 
+def _slope(f: float, df: float, g: float, dg: float, s: float) -> float:
+    """Return the slope of that cubic."""
+    return df + s * (2.0 * (3.0 * (g - f) - 2.0 * df - dg) + 3.0 * s * (2.0 * (f - g) + df + dg))
+
+
+def _inflection(f: float, df: float, g: float, dg: float) -> list[float]:
+    """Return where the slope of that cubic turns within 0 and 1."""
+    bend, twist = 3.0 * (g - f) - 2.0 * df - dg, 3.0 * (2.0 * (f - g) + df + dg)
+    return [-bend / twist] if 0.0 < -bend * twist < twist * twist else []
+
+
 def _turning(f: float, df: float, g: float, dg: float) -> list[float]:
     """Return where that cubic has its extrema within 0 and 1, in order."""
     a, b, c = 3.0 * (2.0 * (f - g) + df + dg), 2.0 * (3.0 * (g - f) - 2.0 * df - dg), df
@@ -363,6 +375,9 @@ def _zeros(
             if missed > _BENT * abs(b - a) and not final:
                 return None
             found.append(_zero(known, s, t))
+    flat = (s for s in (*found, *_inflection(*known)) if abs(_cubic(*known, s)) < missed)
+    if not final and any(missed > _FLAT * abs(_slope(*known, s)) for s in flat):
+        return None
     return found
 
 
