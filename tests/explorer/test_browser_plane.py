@@ -29,6 +29,12 @@ _COUNT = """() => {
   }
 }"""
 
+# opens a further diagram, and selects a solution at once: the server draws a ring in the diagram that it has just added
+_OPEN_AND_TAKE = """(button, name) => {
+  button.click()
+  wish(['take', name, null])
+}"""
+
 
 @pytest.fixture(scope="module")
 def screen(windows, address, home):
@@ -110,6 +116,18 @@ def test_diagrams_stand_side_by_side_and_space_is_turned_by_a_drag(screen):
     screen.eventually(lambda: page.evaluate("() => document.fullscreenElement?.className == 'side'"))
     page.locator(".side .whole-screen").click()
     assert screen.errors == []
+
+
+def test_a_diagram_is_on_the_page_before_it_is_drawn_on(screen):
+    screen.page.click(".find-orbit")
+    screen.wait("orbit2")
+    screen.until("selected", "orbit2")
+    number = screen.page.locator(".axis-y").count() + 1
+    screen.page.locator(".more-diagrams button").evaluate(_OPEN_AND_TAKE, "orbit1")
+    screen.eventually(lambda: screen.errors or screen.page.locator(".axis-y").count() == number)
+    screen.until("selected", "orbit1")
+    assert screen.errors == []
+    assert screen.column(f"diagram{number}", "chosen", "x") == screen.column("diagram", "chosen", "x") != []
 
 
 def test_equations_are_changed_and_open_a_session(screen):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["connect"]
+__all__ = ["connect", "keep_order"]
 
 _SLOWEST = 180.0  # seconds that a browser may take to load the page; after 15 Bokeh would drop it
 
@@ -27,6 +27,23 @@ def connect(document: Any) -> None:
     held = _Held(document.session_context)
     document.add_next_tick_callback(held.hold)
     pn.state.onload(held.release)
+
+
+def keep_order() -> None:
+    """Let changes of a page reach its browser in the order in which they were made, in this process.
+
+    While a browser is written to, Panel puts its changes off, and those that Bokeh sends overtake them.
+    They may be of models that the browser does not know yet, and then it drops them.
+    """
+    from panel.io import document
+
+    document.schedule_write_events = _left_to_bokeh
+
+
+def _left_to_bokeh(document: Any, connections: Any, events: list[Any]) -> None:
+    """Hand changes that cannot be sent at once to Bokeh, which sends all when the document's lock is given back."""
+    for event in events:
+        document.callbacks.trigger_on_change(event)
 
 
 class _Held:

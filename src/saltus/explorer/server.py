@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import look
-from saltus.explorer.connection import connect
+from saltus.explorer.connection import connect, keep_order
 from saltus.explorer.figures.defaults import remember_defaults
 from saltus.work import uncollected
 
@@ -251,6 +251,7 @@ def serve(
 
         pn.extension(console_output="disable", loading_indicator=False)
     remember_defaults()
+    keep_order()
     server, at = listening(office, address)
     url = f"http://{at.host}:{at.port}/?token={at.token}" + (f"&session={session}" if session else "")
     server.start()
