@@ -37,6 +37,8 @@ def keep_order() -> None:
     """
     from panel.io import document
 
+    if not hasattr(document, "schedule_write_events"):
+        raise RuntimeError("panel.io.document has no schedule_write_events in this version of Panel")
     document.schedule_write_events = _left_to_bokeh
 
 

@@ -132,6 +132,14 @@ def test_a_film_is_asked_for(session, asked, toys):
     assert asked == ["film"]
 
 
+def test_a_click_after_the_selected_result_was_dropped_is_told(session, asked, toys):
+    view = actions(session, asked, toys, of="branch1", label="SN1")
+    session.settings.selected = None
+    for name in ("continue", "follow"):
+        press(view.panel, name)
+    assert asked == 2 * ["solution = 'none': must be selected; the one that was is dropped"]
+
+
 def test_an_emptied_bound_is_refused(session, asked, toys):
     view = actions(session, asked, toys, of="branch1", label="SN1")
     view._second.ends[0].value = None
@@ -139,8 +147,8 @@ def test_an_emptied_bound_is_refused(session, asked, toys):
     view._first.ends[1].value = None
     press(view.panel, "continue")
     assert asked == [
-        "lower bound of e = 'empty': must be a number",
-        "upper bound of g = 'empty': must be a number",
+        "lower bound of e = 'empty': must be a finite number",
+        "upper bound of g = 'empty': must be a finite number",
     ]
     starts = StartView(session, asked.append, tuple, asked.append)
     starts._count.value = None

@@ -68,9 +68,8 @@ class LawFit:
     >>> shift = -300e3 * 0.12 * 12.0 / (6.0 * 2600.0 * (Zc**2 - 10.0**2) ** 1.5)
     >>> force = afm.reconstruct_force({"Zc_nm": Zc, "shift_Hz": shift, "deflection_pm": 0.0 * Zc}, probe, A_nm=10.0)
     >>> found = force.fit(afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3), {"H_aJ": (0.01, 1.0)})
-    >>> print(found)
-    H_aJ = 0.120001 +- 6e-08
-    chi2 = 2144 of 40 data
+    >>> round(found.values["H_aJ"], 5), found.count
+    (0.12, 40)
     """
 
     law: Law

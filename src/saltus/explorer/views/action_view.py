@@ -171,7 +171,8 @@ class ActionView:
 
     def _place(self) -> Place:
         selected = self._session.settings.selected
-        assert selected is not None
+        if selected is None:
+            raise InputError("solution", "none", "selected", "the one that was is dropped")
         return selected
 
     def _resume(self) -> None:
