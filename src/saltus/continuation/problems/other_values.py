@@ -50,7 +50,7 @@ def eigenvalues_beside(types: Mapping[str, str]) -> OtherValues:
 
 def multipliers_beside(kind: str) -> OtherValues:
     """Return the test functions of multipliers along a locus of a type; they are critical on the unit circle."""
-    return OtherValues(_height, circle_tests, _TYPES.get(kind, {}), unit=1.0)
+    return OtherValues(_height, circle_tests, _TYPES.get(kind, {}))
 
 
 def without_critical(kind: str, values: NDArray[np.complex128], cosine: float) -> NDArray[np.complex128]:
@@ -68,7 +68,7 @@ def without_critical(kind: str, values: NDArray[np.complex128], cosine: float) -
 
 def _height(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return (|mu|^2 - 1) / (|mu|^2 + 1): 0 on the unit circle, 1 at infinity."""
-    sizes = np.minimum(np.abs(values), 1e150)
+    sizes = np.abs(values)
     return np.asarray(1.0 - 2.0 / (1.0 + sizes * sizes))
 
 
@@ -93,7 +93,7 @@ class OtherValues:
     growth: Callable[[NDArray[np.complex128]], NDArray[np.float64]]
     tests: Callable[[list[complex]], Tested]
     types: Mapping[str, str]
-    unit: float | None = None  # of the values; by default the largest modulus at the first point
+    unit: float | None = None  # of eigenvalues: by default the largest modulus at the first point
     neutral: int | None = field(default=None, init=False)  # values that are critical all along the locus
     crossing: bool = field(default=False, init=False)  # whether a point of one of the types may lie in the last step
     # whether more becomes critical in the last step than the change of the number of unstable values tells
@@ -129,7 +129,11 @@ class OtherValues:
         return {Monitor(KIND, k): float(growth[i]) for k, i in enumerate(self._order(growth))}
 
     def _growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
-        return self.growth(values / (self.unit or 1.0))
+        return self.growth(self._scaled(values))
+
+    def _scaled(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return eigenvalues in units, multipliers without the size of infinite ones."""
+        return bounded(values) if self.tests is circle_tests else values / (self.unit or 1.0)
 
     def tells(self, name: Monitor) -> bool:
         """Return whether a monitor function is one of these."""
@@ -202,7 +206,7 @@ class OtherValues:
         spectrum : callable
             The values at unknowns near the locus, in any order.
         """
-        length, unit = b.arc - a.arc, self.unit or 1.0
+        length = b.arc - a.arc
         if length <= CROWDED or others.size == 0:
             return False
         if self._crowded:
@@ -211,8 +215,8 @@ class OtherValues:
             return True  # the sign at the step's end is not known well enough
 
         def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
-            return np.array([bounded(spectrum(hermite(a, b, length, share)) / unit) for share in shares.tolist()])
+            return np.array([self._scaled(spectrum(hermite(a, b, length, share))) for share in shares.tolist()])
 
         back, before = a.examined.data.behind or (length, None)
-        rows = [bounded(row / unit) for row in (before, a.examined.data.others, others) if row is not None]
+        rows = [self._scaled(row) for row in (before, a.examined.data.others, others) if row is not None]
         return searched(spectra, rows, (back, length), self.tests) is not False
