@@ -178,8 +178,8 @@ def test_two_pages_do_not_disturb_each_other(screen, window, address):
     screen.page.wait_for_selector(".result-orbit2", state="detached")
     other.page.click(".undo")
     other.page.wait_for_selector(".result-branch1", state="detached")
-    assert screen.results == ["orbit1", "branch1"]
-    assert other.results == ["orbit1"]
+    screen.eventually(lambda: screen.results == ["orbit1", "branch1"])
+    other.eventually(lambda: other.results == ["orbit1"])
     assert screen.errors == other.errors == []
 
 

@@ -195,7 +195,7 @@ def test_two_lists_never_name_one_parameter_and_an_emptied_bound_is_refused(open
     screen.fill("parameter-to", "")
     screen.page.click(".continue")
     screen.page.wait_for_selector(".message.error")
-    assert "upper bound of g = 'empty': must be a number" in screen.text("message")
+    assert "upper bound of g = 'empty': must be a finite number" in screen.text("message")
     assert screen.page.locator(".result-branch2").count() == 0
 
 

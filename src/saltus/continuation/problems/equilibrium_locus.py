@@ -16,7 +16,7 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem, LocusData
 from saltus.continuation.problems.equilibrium import row_units
-from saltus.continuation.problems.other_values import OtherValues, eigenvalues_beside
+from saltus.continuation.problems.other_values import OtherValues, critical_pair, eigenvalues_beside
 from saltus.equilibria.critical import Hopf
 from saltus.equilibria.equilibrium import faults_of
 from saltus.equilibria.normal_forms import lyapunov_coefficient
@@ -80,9 +80,7 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
             return super().beside(z, values) if self.kind == "SN" else values
         k = self._square(z)
         goal = 1j * math.sqrt(k) if k >= 0.0 else complex(math.sqrt(-k))
-        first = int(np.argmin(np.abs(values - goal)))
-        left = [i for i in range(self.n) if i != first]
-        return np.delete(values, (first, min(left, key=lambda i: abs(values[i] + values[first]))))
+        return np.delete(values, critical_pair(values, np.abs(values - goal), lambda one, other: abs(one + other)))
 
     def units_of_rows(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
         """See `AlgebraicLocusProblem.units_of_rows`."""

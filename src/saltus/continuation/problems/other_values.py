@@ -22,7 +22,15 @@ if TYPE_CHECKING:
 
     _Spectrum = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
 
-__all__ = ["KIND", "SEVERAL", "OtherValues", "eigenvalues_beside", "multipliers_beside", "without_critical"]
+__all__ = [
+    "KIND",
+    "SEVERAL",
+    "OtherValues",
+    "critical_pair",
+    "eigenvalues_beside",
+    "multipliers_beside",
+    "without_critical",
+]
 
 SEVERAL = "events: other values become critical at more than one place within the step"
 _GOALS = {"SN": 1.0, "PD": -1.0}  # the critical multiplier on a locus
@@ -61,9 +69,36 @@ def without_critical(kind: str, values: NDArray[np.complex128], cosine: float) -
     if kind not in _TYPES:
         return values[:0]
     if kind == "TR":
-        return np.delete(values, np.argsort(np.abs(np.abs(values) - 1.0) + np.abs(values.real - cosine))[:2])
+        known = bounded(values)
+        away = np.abs(np.abs(known) - 1.0) + np.abs(known.real - cosine)
+        return np.delete(values, critical_pair(known, away, lambda one, other: abs(one * other - 1.0)))
     goal = _GOALS.get(kind)
     return values if goal is None else np.delete(values, np.argmin(np.abs(values - goal)))
+
+
+def critical_pair(
+    values: NDArray[np.complex128], away: NDArray[np.float64], apart: Callable[[complex, complex], float]
+) -> list[int]:
+    """Return the places of the critical pair of values: two conjugates, or two real ones.
+
+    Parameters
+    ----------
+    values : ndarray of complex
+        The values.
+    away : ndarray
+        Distance of each from its place as one of the critical pair.
+    apart : callable
+        Distance of two real values from those that a critical pair becomes beyond the locus' end.
+    """
+    known: list[complex] = values.tolist()
+    signs = np.sign(np.where(np.abs(values.imag) > _PAIRED * np.abs(values), values.imag, 0.0)).tolist()
+    for i in np.argsort(away, kind="stable").tolist():
+        mates = [j for j, sign in enumerate(signs) if j != i and sign == -signs[i]]
+        if mates and signs[i]:
+            return [i, min(mates, key=lambda j: abs(known[j] - known[i].conjugate()))]
+        if mates:
+            return [i, min(mates, key=lambda j: apart(known[i], known[j]))]
+    raise AssertionError("two values of a real matrix are conjugates, or real")
 
 
 def _height(values: NDArray[np.complex128]) -> NDArray[np.float64]:
