@@ -68,7 +68,7 @@ def kind_of(values: NDArray[np.complex128]) -> str:
     return f"{'stable' if unstable == 0 else 'unstable'} {shape}"
 
 
-def pair_product(values: NDArray[np.complex128], without: tuple[int, ...] = ()) -> float:
+def pair_product(values: NDArray[np.complex128]) -> float:
     """Return a test function with the sign of the product of all sums of two eigenvalues, each over its moduli.
 
     The product is the determinant of the bialternate product 2 A (.) I, over its size. It vanishes where a complex pair
@@ -79,15 +79,7 @@ def pair_product(values: NDArray[np.complex128], without: tuple[int, ...] = ()) 
     ----------
     values : ndarray of complex, shape (n,)
         Eigenvalues.
-    without : tuple of int
-        Those of them that are left out, or for two of them their own sum alone.
     """
     first, second = pairs(values.size)
-    if len(without) == 1:
-        kept = (first != without[0]) & (second != without[0])
-        first, second = first[kept], second[kept]
-    elif len(without) == 2:
-        kept = (first != without[0]) | (second != without[1])
-        first, second = first[kept], second[kept]
     sizes = np.abs(values[first]) + np.abs(values[second])
     return float(combined((values[first] + values[second]) / np.where(sizes > 0.0, sizes, np.inf)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,19 +104,18 @@ def count_outside(values: NDArray[np.complex128]) -> int:
     return int(np.sum(np.abs(values) > 1.0 + _CRITICAL))
 
 
-def fold_product(values: NDArray[np.complex128], without: Collection[int] = ()) -> float:
+def fold_product(values: NDArray[np.complex128]) -> float:
     """Return the `combined` 1 - mu over sqrt(1 + abs(mu)^2); it vanishes with a multiplier 1."""
-    return _single(values, 1.0, without)
+    return _single(values, 1.0)
 
 
-def flip_product(values: NDArray[np.complex128], without: Collection[int] = ()) -> float:
+def flip_product(values: NDArray[np.complex128]) -> float:
     """Return the `combined` 1 + mu over sqrt(1 + abs(mu)^2); it vanishes with a multiplier -1."""
-    return _single(values, -1.0, without)
+    return _single(values, -1.0)
 
 
-def _single(values: NDArray[np.complex128], goal: float, without: Collection[int]) -> float:
-    kept = np.array([value for i, value in enumerate(values.tolist()) if i not in without], dtype=np.complex128)
-    return float(combined(_over_size(1.0 - goal * kept, kept)))
+def _single(values: NDArray[np.complex128], goal: float) -> float:
+    return float(combined(_over_size(1.0 - goal * values, values)))
 
 
 def pair_product(values: NDArray[np.complex128]) -> float:

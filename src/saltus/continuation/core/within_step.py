@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,7 +17,7 @@ import numpy as np
 from saltus.continuation.core.value_tests import PAIRED, Tested
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     Spectra = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
 
@@ -65,21 +65,19 @@ class _Place(NamedTuple):
         return cls(share, known._replace(beside=_matched(known.values, known.beside)))
 
 
-def steady(
-    rows: Sequence[Iterable[complex]], lengths: tuple[float, float], tests: Callable[[list[complex]], Tested]
-) -> bool:
+def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Callable[[list[complex]], Tested]) -> bool:
     """Return whether values move so steadily that none becomes critical and comes back in the last of two steps.
 
     Parameters
     ----------
-    rows : three sequences of complex
+    rows : sequence of three array_like of complex
         The values at three points, each at the index of its predecessor.
     lengths : pair of float
         Arclengths of the steps between the points.
     tests : callable
         `circle_tests` or `border_tests`.
     """
-    before, first, last = (np.array(list(row), dtype=np.complex128) for row in rows)
+    before, first, last = (np.asarray(row, dtype=np.complex128) for row in rows)
     if np.any(_matched(first + (first - before) * (lengths[1] / lengths[0]), last) != last):
         return False  # two values may have changed places
     groups: list[tuple[bool, list[Tested]]] = []

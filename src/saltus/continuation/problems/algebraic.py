@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from saltus.continuation.core.arclength import StepControl
     from saltus.continuation.core.interest import Interest
 
-__all__ = ["AlgebraicZeroProblem", "PointData", "closes", "has_pair"]
+__all__ = ["AlgebraicZeroProblem", "PointData", "closes"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -136,7 +136,7 @@ class AlgebraicZeroProblem:
 
     def is_pair(self, values: NDArray[np.complex128]) -> bool:
         """Return whether the pair that is critical where `paired` vanishes is a complex one."""
-        return has_pair(values)
+        return _has_pair(values)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the equations and their derivatives."""
@@ -439,7 +439,7 @@ def closes(origin: Point, last: Point, new: Point, control: StepControl, circles
     return replace(origin, u=last.u + away) if circles.size else origin
 
 
-def has_pair(values: NDArray[np.complex128]) -> bool:
+def _has_pair(values: NDArray[np.complex128]) -> bool:
     """Return whether the two eigenvalues whose sum is least, over their moduli, are a complex pair."""
     best, pair = math.inf, False
     for i in range(values.size):

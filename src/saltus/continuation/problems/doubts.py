@@ -47,10 +47,10 @@ def search_between(
     data = replace(data, behind=(length, old.followed))
     if length <= CROWDED or count < 2 or len(old.followed) != count:
         return None, data
+    start, end = bounded(np.array(old.followed)), bounded(np.array(data.followed))
     if old.behind is not None and len(old.behind[1]) == count:
-        rows = [bounded(np.array(row)) for row in (old.behind[1], old.followed, data.followed)]
-        lengths = old.behind[0], length
-        if steady(rows, lengths, circle_tests):
+        back, earlier = old.behind
+        if steady((bounded(np.array(earlier)), start, end), (back, length), circle_tests):
             return None, data
 
     def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -58,7 +58,6 @@ def search_between(
 
     away, before = old.beside or (ASIDE * length, spectra(np.array([ASIDE]))[0])
     beside = spectra(np.array([1.0 - ASIDE]))[0]
-    first = Spectrum(bounded(np.array(old.followed)), before, away / length)
-    last = Spectrum(bounded(np.array(data.followed)), beside, -ASIDE)
-    several = several_critical(spectra, first, last, circle_tests, _PARTS)
+    ends = Spectrum(start, before, away / length), Spectrum(end, beside, -ASIDE)
+    several = several_critical(spectra, *ends, circle_tests, _PARTS)
     return several is not False, replace(data, beside=(-ASIDE * length, beside))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from saltus.maps.problem import MapOrbitProblem
 
-__all__ = ["MapBranchData", "MapZeroProblem", "grows_without_bound", "rotates"]
+__all__ = ["MapBranchData", "MapZeroProblem", "grows_without_bound"]
 
 _PD = Monitor("PD")  # product of 1 + mu
 _TR = Monitor("TR")  # product of the pairs' products less 1
@@ -105,7 +105,7 @@ class MapZeroProblem(AlgebraicZeroProblem):
 
     def is_pair(self, values: NDArray[np.complex128]) -> bool:
         """See `AlgebraicZeroProblem.is_pair`."""
-        return rotates(values)
+        return _rotates(values)
 
     def outputs(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """See `AlgebraicZeroProblem.outputs`."""
@@ -132,7 +132,7 @@ def grows_without_bound(
     return "the orbit grows without bound" if grown else None
 
 
-def rotates(values: NDArray[np.complex128]) -> bool:
+def _rotates(values: NDArray[np.complex128]) -> bool:
     """Return whether the two multipliers whose product is nearest to 1 are a complex pair."""
     best, pair = math.inf, False
     for i in range(values.size):

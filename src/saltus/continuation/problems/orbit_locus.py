@@ -207,7 +207,8 @@ class LocusZeroProblem:
                     monitors[name] = math.nan
         special, data = self._special(point, survey)
         assert data is not None
-        monitors |= special | self.others.measured(data.others, before)
+        others = self.others.measured(data.others, before)
+        monitors |= special | others
         if before is not None and before.examined.data is not None:
             data = replace(data, behind=(point.arc - before.arc, before.examined.data.others))
         point.weights = self.metric(point.u)
@@ -227,7 +228,7 @@ class LocusZeroProblem:
         grazed = self.condition
         if isinstance(grazed, Grazing) and grazed.left(survey):
             fault = "the orbit does not lie on the surface as a whole any more"
-        return Examined(monitors, fault, data, once=frozenset(filter(self.others.tells, monitors)))
+        return Examined(monitors, fault, data, once=frozenset(others))
 
     def _values_beside(self, z: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the multipliers that are not critical at unknowns near the locus."""

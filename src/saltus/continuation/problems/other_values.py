@@ -16,6 +16,7 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.value_tests import Tested, border_tests, bounded, circle_tests
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import SAME, Event, Point, hermite
+from saltus.orbits.floquet import height
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,7 +59,7 @@ def eigenvalues_beside(types: Mapping[str, str]) -> OtherValues:
 
 def multipliers_beside(kind: str) -> OtherValues:
     """Return the test functions of multipliers along a locus of a type; they are critical on the unit circle."""
-    return OtherValues(_height, circle_tests, _TYPES.get(kind, {}))
+    return OtherValues(_heights, circle_tests, _TYPES.get(kind, {}))
 
 
 def without_critical(kind: str, values: NDArray[np.complex128], cosine: float) -> NDArray[np.complex128]:
@@ -101,10 +102,8 @@ def critical_pair(
     raise AssertionError("two values of a real matrix are conjugates, or real")
 
 
-def _height(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return (|mu|^2 - 1) / (|mu|^2 + 1): 0 on the unit circle, 1 at infinity."""
-    sizes = np.abs(values)
-    return np.asarray(1.0 - 2.0 / (1.0 + sizes * sizes))
+def _heights(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    return np.array([height(value) for value in values.tolist()])
 
 
 @dataclass
@@ -131,8 +130,8 @@ class OtherValues:
     unit: float | None = None  # of eigenvalues: by default the largest modulus at the first point
     neutral: int | None = field(default=None, init=False)  # values that are critical all along the locus
     crossing: bool = field(default=False, init=False)  # whether a point of one of the types may lie in the last step
-    # whether more becomes critical in the last step than the change of the number of unstable values tells
-    _crowded: bool = field(default=False, init=False)
+    # whether the signs at the last step's ends do not tell all that becomes critical within
+    _untold: bool = field(default=False, init=False)
 
     def measured(
         self, values: NDArray[np.complex128], before: Point | None, largest: float = 1.0
@@ -155,7 +154,8 @@ class OtherValues:
         self.crossing = "fold" in self.types or (pairs, first[0]) != (others, second[0])
         moves = [(b - a) * size for a, b, size in zip(first, second, (2, 1, 1), strict=True)]
         total = sum(map(abs, moves)) if pairs == others else 0
-        self._crowded = total != abs(sum(moves))
+        touched = any(abs(growth) < _TOUCHED for growth in found.values())
+        self._untold = touched or total != abs(sum(moves))
         return found
 
     def named(self, values: NDArray[np.complex128]) -> dict[Monitor, float]:
@@ -230,7 +230,7 @@ class OtherValues:
         return False
 
     def overlooked(self, a: Point, b: Point, others: NDArray[np.complex128], spectrum: _Spectrum) -> bool:
-        """Return whether values may become critical at several places of a step, or come back within.
+        """Return whether values may become critical at several places of the step measured last, or come back within.
 
         Parameters
         ----------
@@ -244,10 +244,8 @@ class OtherValues:
         length = b.arc - a.arc
         if length <= CROWDED or others.size == 0:
             return False
-        if self._crowded:
+        if self._untold:
             return True
-        if any(abs(growth) < _TOUCHED for growth in self.named(others).values()):
-            return True  # the sign at the step's end is not known well enough
 
         def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
             return np.array([self._scaled(spectrum(hermite(a, b, length, share))) for share in shares.tolist()])
