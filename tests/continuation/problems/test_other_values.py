@@ -153,6 +153,27 @@ def test_orbits_of_flows(kind: str) -> None:
         assert saltus.verify(point).passed
 
 
+@pytest.mark.parametrize("fast", [1.0, 1e4, 1e8])
+@pytest.mark.parametrize("slow", ["-5e-3", "-5e-9", "1e-3*(q - 0.5)"])
+def test_a_slow_pair_beside_a_fast_value(slow: str, fast: float) -> None:
+    """An eigenvalue of a size far from the others' neither hides a ZH nor shortens the steps."""
+    states = {"x": "p - 0.1*q - x**2", "s": f"({slow})*s - z", "z": f"({slow})*z + s", "w": f"-{fast}*w"}
+    system = HybridSystem(tuple(states), {"p": 0.5, "q": 0.1}, {"all": Mode(states)})
+    branch = saltus.continue_equilibrium(saltus.find_equilibrium(system, x0=[0.7, 0.0, 0.0, 0.0]), "p", (-1.0, 1.0))
+    found = saltus.continue_locus(branch["SN1"], ("p", "q"), WINDOW)
+    assert met(found) == ([(pytest.approx(0.5, abs=1e-6), "ZH")] if "q" in slow else [])
+    assert all(text.endswith("bound reached") for text in found.stopped)
+    assert len(found) < 60
+
+
+@pytest.mark.parametrize("growth", ["-5e-9", "-3e-9*(1 + q**2)", "1e-8*(q - 0.5)"])
+def test_a_multiplier_that_stays_next_to_the_circle(growth: str) -> None:
+    found = locus("TR", [("fold", growth)])
+    assert met(found) == ([(pytest.approx(0.5, abs=0.01), "FNS")] if "0.5" in growth else [])
+    assert all(text.endswith("bound reached") for text in found.stopped)
+    assert len(found) < 60
+
+
 def test_a_locus_goes_through_the_point_from_which_it_starts() -> None:
     found = locus("TR", CASES["two pairs"][0])
     for label in ("NSNS1", "NSNS2"):

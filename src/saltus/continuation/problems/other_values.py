@@ -46,20 +46,19 @@ _TYPES = {
 # coefficients that have a pole at another point, and that point: they are followed times a function that vanishes there
 _FACTORS = {"GPD": "FF", "CH": "FNS"}
 KIND = "other"  # kind of the monitor functions, one for each place in the order of growth
-_NEUTRAL = 1e-9  # growth up to which it is rounding
-_SAME = 1e-7  # growth at a located point up to which the value is critical there as well
-_TOUCHED = 1e-8  # growth within which no step ends, unless it is short
+_TOUCHED = 10.0  # growth over its rounding, to within which no step leads, unless it is short
+_SAME = 100.0  # growth over its rounding, up to which a value is critical at a located point as well
 _PAIRED = 1e-9  # imaginary part over the size, from which on a value is one of a complex pair
 
 
 def eigenvalues_beside(types: Mapping[str, str]) -> OtherValues:
     """Return the test functions of eigenvalues, which are critical on the imaginary axis; see `OtherValues`."""
-    return OtherValues(lambda values: values.real, border_tests, types)
+    return OtherValues(lambda values: values.real, border_tests, types, rounding=1e-12)
 
 
 def multipliers_beside(kind: str) -> OtherValues:
     """Return the test functions of multipliers along a locus of a type; they are critical on the unit circle."""
-    return OtherValues(_heights, circle_tests, _TYPES.get(kind, {}))
+    return OtherValues(_heights, circle_tests, _TYPES.get(kind, {}), rounding=1e-9)
 
 
 def without_critical(kind: str, values: NDArray[np.complex128], cosine: float) -> NDArray[np.complex128]:
@@ -122,11 +121,14 @@ class OtherValues:
     types : mapping of str to str
         Type of the point at which a value becomes critical: ``"fold"`` a real one at 0 or 1, ``"flip"`` one at -1,
         ``"pair"`` a complex pair. Another monitor function of the locus tells of those that are left out.
+    rounding : float
+        Growth up to which it is rounding.
     """
 
     growth: Callable[[NDArray[np.complex128]], NDArray[np.float64]]
     tests: Callable[[list[complex]], Tested]
     types: Mapping[str, str]
+    rounding: float
     unit: float | None = None  # of eigenvalues: by default the largest modulus at the first point
     neutral: int | None = field(default=None, init=False)  # values that are critical all along the locus
     crossing: bool = field(default=False, init=False)  # whether a point of one of the types may lie in the last step
@@ -141,20 +143,22 @@ class OtherValues:
         largest: modulus of the largest value, the critical ones among them.
         """
         self.unit = self.unit or largest or 1.0
-        close = int(np.sum(np.abs(self._growth(values)) < _NEUTRAL))
+        close = int(np.sum(np.abs(self._growth(values)) < self.rounding))
         self.neutral = close if self.neutral is None else min(self.neutral, close)
         found = self.named(values)
         if before is None or before.examined.data is None:
             return found
         old = before.examined.data.others
         if sum(name.kind == KIND for name in before.examined.monitors) != len(found):
-            ranked = {name: g if abs(g) > _SAME else np.nan for name, g in self.named(old).items()}
+            ranked = {name: np.nan if self.is_critical(g) else g for name, g in self.named(old).items()}
             before.examined = replace(before.examined, monitors={**before.examined.monitors, **ranked})
         (pairs, *first), (others, *second) = self._counts(old), self._counts(values)
         self.crossing = "fold" in self.types or (pairs, first[0]) != (others, second[0])
         moves = [(b - a) * size for a, b, size in zip(first, second, (2, 1, 1), strict=True)]
         total = sum(map(abs, moves)) if pairs == others else 0
-        touched = any(abs(growth) < _TOUCHED for growth in found.values())
+        band = _TOUCHED * self.rounding
+        known = before.examined.monitors
+        touched = any(abs(growth) < band <= abs(known[name]) for name, growth in found.items())
         self._untold = touched or total != abs(sum(moves))
         return found
 
@@ -169,6 +173,10 @@ class OtherValues:
     def _scaled(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return eigenvalues in units, multipliers without the size of infinite ones."""
         return bounded(values) if self.tests is circle_tests else values / (self.unit or 1.0)
+
+    def is_critical(self, growth: float) -> bool:
+        """Return whether a value with a growth is critical at a located point."""
+        return abs(growth) < _SAME * self.rounding
 
     def tells(self, name: Monitor) -> bool:
         """Return whether a monitor function is one of these."""
@@ -225,7 +233,7 @@ class OtherValues:
         for other in found:
             if other.name == Monitor(kind):
                 there = self.named(other.point.examined.data.others)
-                if abs(there.get(event.name, np.inf)) < _SAME:
+                if self.is_critical(there.get(event.name, np.inf)):
                     return True
         return False
 

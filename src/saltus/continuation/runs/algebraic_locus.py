@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point
+from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.algebraic import closes
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
 from saltus.continuation.problems.critical_points import critical_condition
@@ -77,8 +77,9 @@ class AlgebraicLocusRun(TwoParameterRun):
         self.first_sizes = self.branch.sizes.copy()
         own = "" if self.start is None else self.start.type
         # a test function that vanishes at the start itself has no sign there
+        others = self.branch.others
         monitors = {
-            name: math.nan if name.kind == own or (self.branch.others.tells(name) and abs(value) < SAME) else value
+            name: math.nan if name.kind == own or (others.tells(name) and others.is_critical(value)) else value
             for name, value in found.monitors.items()
         }
         return replace(found, monitors=monitors)
