@@ -257,6 +257,8 @@ def test_critical_multipliers_are_left_out() -> None:
     assert without_critical("TR", interleaved, math.cos(0.7)).tolist() == [np.inf, *pair]
     assert without_critical("PD", values, math.nan).tolist() == [2.0, *pair, 0.5]
     assert without_critical("GR", values, math.nan).tolist() == []
+    double = np.array([-1.0 + 1e-8j, -1.0 - 1e-8j, -1.0 + 1e-6])  # twins, and another one
+    assert without_critical("PD", double, math.nan).tolist() == [-1.0, -1.0 + 1e-6]
 
 
 def coupled(kind: str, seed: int, steps: float) -> list[tuple[str, float, float]]:

@@ -17,7 +17,7 @@ from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.extents import in_lockstep
-from saltus.continuation.problems.other_values import KIND, SEVERAL, OtherValues, eigenvalues_beside
+from saltus.continuation.problems.other_values import KIND, SEVERAL, OtherValues, eigenvalues_beside, without_nearest
 from saltus.equilibria.spectrum import eigenvalues, unstable_count
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class AlgebraicLocusProblem:
 
     def beside(self, z: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the values that are not critical."""
-        return np.delete(values, np.argmin(np.abs(values)))
+        return without_nearest(values, 0.0)
 
     def values_beside(self, z: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the values that are not critical at unknowns near the locus."""

@@ -31,6 +31,7 @@ __all__ = [
     "eigenvalues_beside",
     "multipliers_beside",
     "without_critical",
+    "without_nearest",
 ]
 
 SEVERAL = "events: other values become critical at more than one place within the step"
@@ -48,6 +49,7 @@ _FACTORS = {"GPD": "FF", "CH": "FNS"}
 KIND = "other"  # kind of the monitor functions, one for each place in the order of growth
 _TOUCHED = 10.0  # growth over its rounding, to within which no step leads, unless it is short
 _SAME = 100.0  # growth over its rounding, up to which a value is critical at a located point as well
+_TWIN = 10.0  # distance from the critical place over that of the critical value, up to which a value is its twin
 _PAIRED = 1e-9  # imaginary part over the size, from which on a value is one of a complex pair
 
 
@@ -72,8 +74,18 @@ def without_critical(kind: str, values: NDArray[np.complex128], cosine: float) -
         known = bounded(values)
         away = np.abs(np.abs(known) - 1.0) + np.abs(known.real - cosine)
         return np.delete(values, critical_pair(known, away, lambda one, other: abs(one * other - 1.0)))
-    goal = _GOALS.get(kind)
-    return values if goal is None else np.delete(values, np.argmin(np.abs(values - goal)))
+    return without_nearest(values, _GOALS[kind]) if kind in _GOALS else values
+
+
+def without_nearest(values: NDArray[np.complex128], goal: float) -> NDArray[np.complex128]:
+    """Return the values without the critical one, which is at a goal.
+
+    One that is as near but for a factor is its twin, as all along a locus of an area-preserving map: it is at the goal,
+    too, since a double value of a matrix is known to the root of rounding only.
+    """
+    away = np.abs(values - goal)
+    nearest = int(np.argmin(away))
+    return np.delete(np.where(away <= _TWIN * away[nearest], goal, values), nearest)
 
 
 def critical_pair(
