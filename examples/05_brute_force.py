@@ -4,6 +4,8 @@ The attractor is followed by simulation as the drive's amplitude A grows, and ag
 periods are dropped, the next ones kept, and the leading Lyapunov exponent says what the motion is. Where the two ways
 differ, two attractors exist side by side.
 
+The free motion has the amplitude A / |k - w^2 + i c w|: it reaches the stop at A = 6.8457. Its exponent is -c / 2.
+
 Field: Impacts.
 
     python 05_brute_force.py [picture]
@@ -32,6 +34,12 @@ print(sweep)
 
 up, down = sweep.labels
 print(f"two attractors at {np.sum(up != down)} of {len(sweep.values)} values at the least")
+grazing = np.hypot(1.0 - 2.8**2, 0.1 * 2.8)  # d = 1
+free = sweep.values[up == up[0]]
+print(f"the free motion lasts to A = {free.max():.2f} and reaches the stop at {grazing:.4f}")
+assert grazing - 0.04 < free.max() < grazing
+assert abs(sweep.at(4.0, "up").exponents[0] + 0.05) < 1e-4
+
 for A in (4.0, 5.65, 7.5, 9.0):
     for direction in sweep.directions:
         found = sweep.at(A, direction)
