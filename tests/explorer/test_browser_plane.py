@@ -126,8 +126,9 @@ def test_a_diagram_is_on_the_page_before_it_is_drawn_on(screen):
     screen.page.locator(".more-diagrams button").evaluate(_OPEN_AND_TAKE, "orbit1")
     screen.eventually(lambda: screen.errors or screen.page.locator(".axis-y").count() == number)
     screen.until("selected", "orbit1")
+    diagrams = "diagram", f"diagram{number}"
+    screen.eventually(lambda: [screen.column(name, "chosen", "x") for name in diagrams] == [[0.5], [0.5]])
     assert screen.errors == []
-    assert screen.column(f"diagram{number}", "chosen", "x") == screen.column("diagram", "chosen", "x") != []
 
 
 def test_equations_are_changed_and_open_a_session(screen):
