@@ -10,7 +10,7 @@ from peers import OMEGA, START, scipy_segment, tapping_orbit
 
 import saltus
 from saltus.flow import saltation_matrix
-from saltus.orbits.floquet import multipliers
+from saltus.orbits.stability.floquet import multipliers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,8 +11,8 @@ from scipy.integrate import quad, solve_ivp
 
 import saltus
 from saltus.orbits.cuts import whole
-from saltus.orbits.floquet import _of_product, multipliers
 from saltus.orbits.signature import CUT_END
+from saltus.orbits.stability.floquet import _of_product, multipliers
 from selection import guarding
 
 # A Shilnikov orbit's neighbourhood: its cycles' periods grow by 5.01 from one period doubling to the next.

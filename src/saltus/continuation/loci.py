@@ -123,7 +123,7 @@ def continue_locus(
 
     References
     ----------
-    Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000; `saltus.orbits.critical`.
+    Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000; `saltus.orbits.stability.critical`.
 
     Examples
     --------

@@ -25,13 +25,13 @@ from saltus.continuation.runs.sizes import other_than, upwards
 from saltus.equilibria import Equilibrium
 from saltus.errors import ConvergenceError, InputError
 from saltus.maps import MapOrbit
-from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CLOSED_END, CUT_END, ON_BORDER, PHASE_END, WHOLE, Signature
 from saltus.orbits.soundness import sound_orbit
+from saltus.orbits.stability.critical import Branching, scaling
 from saltus.solution import Solution
 
 if TYPE_CHECKING:

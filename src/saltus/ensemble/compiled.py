@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from saltus.system.definition import Definition
     from saltus.system.derivatives import Symbolic
-    from saltus.system.writer import Writer
+    from saltus.system.writing.writer import Writer
 
 __all__ = ["LANES", "OWN_LANES", "CompiledLanes", "load_lanes", "load_own_lanes"]
 

@@ -1,6 +1,6 @@
 """The text of a step of many lanes by the exact flow of a mode's linear part, in its modal coordinates.
 
-The rest of the field acts as kicks at the three nodes of Gauss's rule, as in `saltus.system.linear_split`.
+The rest of the field acts as kicks at the three nodes of Gauss's rule, as in `saltus.system.writing.linear_split`.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import sympy
 
 from saltus.ensemble.labels import AT_STROBE, CHANGES, GOES_ON, HUGE
 from saltus.system.expansion import expanded
-from saltus.system.linear_split import NODES, WEIGHTS
+from saltus.system.writing.linear_split import NODES, WEIGHTS
 
 if TYPE_CHECKING:
     from saltus.ensemble.lane_kinds import Pool
     from saltus.ensemble.lane_text import LaneText
-    from saltus.system.linear_split import Split
+    from saltus.system.writing.linear_split import Split
 
 __all__ = ["exact_step"]
 

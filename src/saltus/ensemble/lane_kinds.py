@@ -9,13 +9,13 @@ import sympy
 
 from saltus.errors import SaltusError
 from saltus.system.expansion import expanded
-from saltus.system.linear_split import split_of_mode
-from saltus.system.regularise import regularised
+from saltus.system.writing.linear_split import split_of_mode
+from saltus.system.writing.regularise import regularised
 
 if TYPE_CHECKING:
     from saltus.system.derivatives import Symbolic
-    from saltus.system.linear_split import Split
-    from saltus.system.regularise import Regularised
+    from saltus.system.writing.linear_split import Split
+    from saltus.system.writing.regularise import Regularised
 
 __all__ = ["Pool", "domain_to_check", "pools_of"]
 

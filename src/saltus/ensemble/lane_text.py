@@ -10,7 +10,7 @@ from saltus.ensemble.labels import FIELDS
 from saltus.ensemble.lane_kinds import pools_of
 from saltus.system.expansion import expanded
 from saltus.system.parts import at_phases
-from saltus.system.writer import Writer
+from saltus.system.writing.writer import Writer
 
 if TYPE_CHECKING:
     import sympy

@@ -9,13 +9,13 @@ import sympy
 
 from saltus.ensemble.labels import AT_STROBE, CHANGES, EVENT, GOES_ON, HUGE, STUCK
 from saltus.ensemble.lane_kinds import domain_to_check
-from saltus.system.taylor import series_of_mode
+from saltus.system.writing.taylor import series_of_mode
 
 if TYPE_CHECKING:
     from saltus.ensemble.lane_kinds import Pool
     from saltus.ensemble.lane_text import LaneText
-    from saltus.system.regularise import Regularised
-    from saltus.system.taylor import Series
+    from saltus.system.writing.regularise import Regularised
+    from saltus.system.writing.taylor import Series
 
 __all__ = ["taylor_step"]
 

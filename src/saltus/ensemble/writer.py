@@ -2,9 +2,9 @@
 
 A lane is a motion under way: its state, the time since phase 0, and what its next step needs. Lanes that take the same
 kind of step stand together in a pool. Each mode has a pool with Taylor steps: in time, or in sigma where the mode is
-regularised (`saltus.system.regularise`). A mode with a linear part has a second pool, with steps by the exact flow of
-that part (`saltus.system.linear_split`). Steps have no branches. Events, phase 0 and a change of pool are flagged by
-the step, and done one lane at a time. See docs/theory/lanes.md.
+regularised (`saltus.system.writing.regularise`). A mode with a linear part has a second pool, with steps by the exact
+flow of that part (`saltus.system.writing.linear_split`). Steps have no branches. Events, phase 0 and a change of pool
+are flagged by the step, and done one lane at a time. See docs/theory/lanes.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from saltus.system.parts import at_phases
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from saltus.system.linear_split import Split
+    from saltus.system.writing.linear_split import Split
 
 __all__ = ["LaneWriter"]
 

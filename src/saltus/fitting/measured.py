@@ -13,7 +13,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import InputError
 from saltus.flow.formulas import read_formula
-from saltus.orbits.observed import planned
+from saltus.orbits.observables.observed import planned
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import ConvergenceError, InputError, StickingError
+from saltus.orbits.observables.quantities import sizes_of_unknowns
+from saltus.orbits.observables.sensitivities import unknowns_by_parameters
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.quantities import sizes_of_unknowns
-from saltus.orbits.sensitivities import unknowns_by_parameters
 from saltus.orbits.solve import check_fields, solve_unknowns
 
 if TYPE_CHECKING:

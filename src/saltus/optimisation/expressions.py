@@ -10,8 +10,8 @@ import numpy as np
 
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.formulas import read_formula
-from saltus.orbits.observed import planned
-from saltus.orbits.sensitivities import MULTIPLIERS, sensitivities
+from saltus.orbits.observables.observed import planned
+from saltus.orbits.observables.sensitivities import MULTIPLIERS, sensitivities
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.optimisation.carrying import Carried
-    from saltus.orbits.observed import Differentiated
+    from saltus.orbits.observables.observed import Differentiated
     from saltus.system import HybridSystem
 
 __all__ = ["Expressions", "Found", "is_parameter", "read_expression"]

@@ -13,9 +13,9 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.cuts import cut
-from saltus.orbits.families import of_a_family
+from saltus.orbits.observables.quantities import Quantity, read_quantity, sizes_of_unknowns
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.quantities import Quantity, read_quantity, sizes_of_unknowns
+from saltus.orbits.stability.families import of_a_family
 from saltus.orbits.unfolding import Fixed, UnfoldedEquations, unit_of_parameter
 
 if TYPE_CHECKING:

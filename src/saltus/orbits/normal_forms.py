@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.orbits.critical import closing, scaling
+from saltus.orbits.stability.critical import closing, scaling
 
 if TYPE_CHECKING:
     from collections.abc import Callable

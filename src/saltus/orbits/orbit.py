@@ -17,12 +17,12 @@ from saltus.errors import InputError
 from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, observe
 from saltus.maps.spectrum import count_outside, multiplicity
-from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
+from saltus.orbits.observables.sampling import column_of, motion_of, sample_orbit
+from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.problem import OrbitProblem, follow_from
 from saltus.orbits.rounds import repeats_of, rounds_of
-from saltus.orbits.sampling import column_of, motion_of, sample_orbit
-from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, events_between, path_of, signature_from
+from saltus.orbits.stability.floquet import multipliers, nontrivial, unstable_count
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.orbits.winding import winding_of
 from saltus.result import frozen

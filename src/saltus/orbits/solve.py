@@ -16,17 +16,17 @@ from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.maps.solve import solve_map_orbit
 from saltus.orbits.cuts import check_measured, cut, held, piece_maps, started_elsewhere, stretched
-from saltus.orbits.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
-from saltus.orbits.floquet import nontrivial
 from saltus.orbits.guesses import check_size, check_states, read_guess
+from saltus.orbits.observables.quantities import sizes_of_unknowns
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.pieces import in_pieces, solved_in_pieces
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.quantities import sizes_of_unknowns
 from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.soundness import sound_orbit
+from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
+from saltus.orbits.stability.floquet import nontrivial
 from saltus.orbits.winding import unwrapped
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing

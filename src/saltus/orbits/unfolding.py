@@ -21,9 +21,9 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError
-from saltus.orbits.critical import scaling
-from saltus.orbits.gradients import gradient_of
-from saltus.orbits.quantities import Quantity, read_quantity, sizes_of_unknowns
+from saltus.orbits.observables.gradients import gradient_of
+from saltus.orbits.observables.quantities import Quantity, read_quantity, sizes_of_unknowns
+from saltus.orbits.stability.critical import scaling
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

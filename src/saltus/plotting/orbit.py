@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.sampling import followed
+from saltus.orbits.observables.sampling import followed
 from saltus.plotting import plot, style
 from saltus.system import angles
 from saltus.system.angles import TURN

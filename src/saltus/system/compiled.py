@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from saltus.system.definition import Definition
     from saltus.system.derivatives import Symbolic
-    from saltus.system.writer import Writer
+    from saltus.system.writing.writer import Writer
 
 __all__ = [
     "FLOW",
@@ -147,8 +147,8 @@ class CompiledSeries:
 
     ``series`` writes coefficients for mode `k` at ``x``, the full state with w behind it; shape (order + 1, stride).
     Columns are the states without the phase, two further ones, and the mode's event functions. For ``modes + k`` the
-    coefficients are those in sigma, where the mode is regularised (see `saltus.system.regularise`). The two further
-    columns are then w and the time.
+    coefficients are those in sigma, where the mode is regularised (see `saltus.system.writing.regularise`). The two
+    further columns are then w and the time.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class CompiledLinear:
     Attributes
     ----------
     splits : list of dict or None
-        For each mode what `saltus.system.linear_split.Split.layout` says of its linear part, None where it has none.
+        For each mode what `saltus.system.writing.linear_split.Split.layout` says of its linear part; None without one.
     """
 
     def __init__(self, module: Any) -> None:
@@ -315,54 +315,54 @@ def with_constants(derive: Any, p: NDArray[np.float64], n_constants: int) -> NDA
     return out
 
 
-# Modules from which the text of the flow, and that of Taylor series and linear parts, comes.
+# Modules from which the text of the flow comes, and that of Taylor series and linear parts, their writers apart.
 _TEXT = (
     "choices",
     "derivatives",
     "expansion",
-    "exponents",
     "expressions",
     "grammar",
-    "printer",
-    "regularise",
-    "writer",
+    "writing.exponents",
+    "writing.printer",
+    "writing.regularise",
+    "writing.writer",
 )
-_FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "codegen"))
-SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "linear_split", "taylor"))  # besides its own writer
+_FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "writing.codegen"))
+SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "writing.linear_split", "writing.taylor"))
 
 
 def _flow(symbolic: Symbolic) -> Writer:
-    from saltus.system.codegen import FlowWriter
+    from saltus.system.writing.codegen import FlowWriter
 
     return FlowWriter(symbolic)
 
 
 def _second(symbolic: Symbolic, active: tuple[int, ...]) -> Writer:
-    from saltus.system.codegen import SecondWriter
+    from saltus.system.writing.codegen import SecondWriter
 
     return SecondWriter(symbolic, active)
 
 
 def _third(symbolic: Symbolic) -> Writer:
-    from saltus.system.codegen import ThirdWriter
+    from saltus.system.writing.codegen import ThirdWriter
 
     return ThirdWriter(symbolic)
 
 
 def _gradients(symbolic: Symbolic, expressions: tuple[str, ...], formulas: Formulas) -> Writer:
-    from saltus.system.gradient_writer import GradientWriter
+    from saltus.system.writing.gradient_writer import GradientWriter
 
     return GradientWriter(symbolic, expressions, formulas)
 
 
 def _series(symbolic: Symbolic, order: int) -> Writer:
-    from saltus.system.series_writer import SeriesWriter
+    from saltus.system.writing.series_writer import SeriesWriter
 
     return SeriesWriter(symbolic, order)
 
 
 def _linear(symbolic: Symbolic) -> Writer:
-    from saltus.system.series_writer import LinearWriter
+    from saltus.system.writing.series_writer import LinearWriter
 
     return LinearWriter(symbolic)
 
@@ -370,10 +370,18 @@ def _linear(symbolic: Symbolic) -> Writer:
 FLOW = Kind("flow", _flow, _FLOW_TEXT)
 SECOND_DERIVATIVES = Kind("second", _second, _FLOW_TEXT)
 THIRD_DERIVATIVES = Kind("third", _third, _FLOW_TEXT)
-_GRADIENT_TEXT = ("choices", "derivatives", "expressions", "grammar", "gradient_writer", "printer", "writer")
+_GRADIENT_TEXT = (
+    "choices",
+    "derivatives",
+    "expressions",
+    "grammar",
+    "writing.gradient_writer",
+    "writing.printer",
+    "writing.writer",
+)
 GRADIENTS = Kind("gradients", _gradients, tuple(f"system.{name}" for name in _GRADIENT_TEXT))
-SERIES = Kind("series", _series, (*SERIES_TEXT, "system.series_writer"))
-LINEAR = Kind("linear", _linear, (*SERIES_TEXT, "system.series_writer"))
+SERIES = Kind("series", _series, (*SERIES_TEXT, "system.writing.series_writer"))
+LINEAR = Kind("linear", _linear, (*SERIES_TEXT, "system.writing.series_writer"))
 
 
 def load(system: Definition) -> Compiled:

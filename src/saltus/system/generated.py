@@ -24,7 +24,7 @@ from saltus.system.cache import cache_folder, let_numba_cache, read_checked, war
 
 if TYPE_CHECKING:
     from saltus.system.definition import Definition
-    from saltus.system.writer import Writer
+    from saltus.system.writing.writer import Writer
 
 __all__ = ["Kind", "module_of", "source_file"]
 
@@ -86,7 +86,7 @@ def _text(file: Path, kind: Kind, system: Definition, variant: tuple[object, ...
     text = _UNWRITTEN.get(file.name) or read_checked(file)
     if text is None:
         from saltus.system.derivatives import Symbolic
-        from saltus.system.writer import module_text
+        from saltus.system.writing.writer import module_text
 
         try:
             text = "".join(module_text(kind.writer(Symbolic(system), *variant))).encode()

@@ -25,7 +25,7 @@ from saltus import (
 )
 from saltus.afm import table1, tapping_mode
 from saltus.continuation.core.zero_problem import correct
-from saltus.orbits.floquet import height, passage
+from saltus.orbits.stability.floquet import height, passage
 from selection import guarding
 
 STEPS = [StepControl(largest=0.03), None, StepControl(initial=0.05, largest=0.3)]

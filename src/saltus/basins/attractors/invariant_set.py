@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from saltus.ensemble.modal import LinearPart
     from saltus.system import HybridSystem
-    from saltus.system.linear_split import Split
+    from saltus.system.writing.linear_split import Split
 
 __all__ = ["Cage", "cage_of"]
 
@@ -98,7 +98,7 @@ def cage_of(
     """
     from saltus.ensemble.modal import linear_parts
     from saltus.system.derivatives import Symbolic
-    from saltus.system.linear_split import split_of_mode
+    from saltus.system.writing.linear_split import split_of_mode
 
     p, index = system.parameter_vector(parameters), system.mode_index(mode)
     x = system.full_state(np.zeros(len(system.states)))

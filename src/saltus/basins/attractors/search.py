@@ -31,7 +31,7 @@ from saltus.ensemble.traps import DIVERGED, Traps
 from saltus.errors import InputError, SaltusError
 from saltus.flow.motion_kind import classify
 from saltus.orbits import PeriodicOrbit, find_orbit
-from saltus.orbits.floquet import nontrivial
+from saltus.orbits.stability.floquet import nontrivial
 from saltus.system.maps import flowing
 
 if TYPE_CHECKING:

@@ -22,12 +22,12 @@ from saltus.equilibria.critical import Hopf
 from saltus.errors import InputError
 from saltus.maps import MapOrbit
 from saltus.maps.critical import Rotation
-from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing, TorusCondition, vanishing_segment
-from saltus.orbits.keeping import Keeping
+from saltus.orbits.observables.keeping import Keeping
+from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.quantities import read_quantity
 from saltus.orbits.signature import WHOLE, Signature
+from saltus.orbits.stability.critical import TOUCHING, Branching, Critical, Grazing, TorusCondition, vanishing_segment
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.critical import openness
-from saltus.orbits.floquet import multiplier_errors, nontrivial
+from saltus.orbits.stability.critical import openness
+from saltus.orbits.stability.floquet import multiplier_errors, nontrivial
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

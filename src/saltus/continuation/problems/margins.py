@@ -10,9 +10,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.orbits.critical import TOUCHING, Grazing
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import DIRECTION, DURATION, EARLY, EVENT_END, MEAN_END, WHEN, WHOLE, Signature, Survey
+from saltus.orbits.stability.critical import TOUCHING, Grazing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

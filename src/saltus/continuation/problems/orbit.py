@@ -27,7 +27,11 @@ from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, d
 from saltus.continuation.problems.watching import Watched, beyond
 from saltus.orbits import records
 from saltus.orbits.correction import corrected
-from saltus.orbits.floquet import (
+from saltus.orbits.observables.gradients import slope_along
+from saltus.orbits.observables.quantities import read_quantity
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CUT_END
+from saltus.orbits.stability.floquet import (
     Passage,
     doubling_determinant,
     height,
@@ -36,10 +40,6 @@ from saltus.orbits.floquet import (
     passage,
     unstable_count,
 )  # fmt: skip
-from saltus.orbits.gradients import slope_along
-from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.quantities import read_quantity
-from saltus.orbits.signature import CUT_END
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -32,11 +32,11 @@ from saltus.continuation.problems.orbit_data import LocusData
 from saltus.continuation.problems.other_values import KIND, SEVERAL, multipliers_beside, without_critical
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
-from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing
-from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_forms import flip_coefficient
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
+from saltus.orbits.stability import floquet
+from saltus.orbits.stability.critical import TOUCHING, Branching, Critical, Grazing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,7 +61,6 @@ _CONSTANT = 1e-9  # component of the tangent below which a parameter is constant
 _ROUGH = 1e-8  # least relative tolerance of the flow for the coefficients of normal forms, unless one vanishes
 _RESONANT = 1e-4  # distance from R1, R2 and R3, in the cosine, within which a torus' coefficient is undetermined
 _TOUCHED = 1e-10  # margin, over the size of the events, up to which a GR locus touches all along
-
 
 _Special = tuple[dict[Monitor, float], LocusData | None]
 
@@ -233,11 +232,11 @@ class LocusZeroProblem:
     def _values_beside(self, z: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the multipliers that are not critical at unknowns near the locus."""
         u = self.orbit(z)
-        return self._beside(z, multipliers(self.problem, u, self.problem.evaluate(u)[1]))
+        return self._beside(z, floquet.multipliers(self.problem, u, self.problem.evaluate(u)[1]))
 
     def _beside(self, z: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the multipliers that are not critical."""
-        inner = nontrivial(values, autonomous=self._autonomous)
+        inner = floquet.nontrivial(values, autonomous=self._autonomous)
         return without_critical(self._type, inner, float(z[self.problem.size]))
 
     def depart(self, point: Point) -> None:
@@ -264,7 +263,7 @@ class LocusZeroProblem:
         if name in _PLAIN or name in self._durations:
             return self._measure(name, point)
         if self.others.tells(name):
-            values = multipliers(self.problem, self.orbit(point.u), self._J)
+            values = floquet.multipliers(self.problem, self.orbit(point.u), self._J)
             return self.others.named(self._beside(point.u, values)).get(name, math.nan)
         return self._special(point, None, name)[0].get(name, math.nan)
 
@@ -294,17 +293,17 @@ class LocusZeroProblem:
     ) -> LocusData | None:  # fmt: skip
         if survey is None:
             return None
-        values = multipliers(self.problem, self.orbit(z), self._J) if values is None else values
-        inner = nontrivial(values, autonomous=self._autonomous)
-        away = np.abs(np.abs(inner) - 1.0) > 1e-6
-        return LocusData(survey, values, unstable_count(inner[away]), self._beside(z, values), angle, coefficient)
+        values = floquet.multipliers(self.problem, self.orbit(z), self._J) if values is None else values
+        inner = floquet.nontrivial(values, autonomous=self._autonomous)
+        unstable = floquet.unstable_count(inner[np.abs(np.abs(inner) - 1.0) > 1e-6])
+        return LocusData(survey, values, unstable, self._beside(z, values), angle, coefficient)
 
     def _determinant(
         self, name: Monitor, mu: float, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
     ) -> float:
         """Return det(A - mu B), mu = 1 or -1, over its first size and the factor of the phase condition."""
         if mu < 0.0:
-            sign, log = doubling_determinant(problem, J)
+            sign, log = floquet.doubling_determinant(problem, J)
         else:
             sign, log = (float(part) for part in np.linalg.slogdet(J[:, : problem.size]))
         value = sign * math.exp(min(log - self._sizes.setdefault(name, log), 600.0))
@@ -395,13 +394,13 @@ class LocusZeroProblem:
         self, side: str, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
     ) -> tuple[dict[Monitor, float], NDArray[np.complex128]]:
         """Return test functions and multipliers of the orbit in the signature on one side of a grazing."""
-        values = multipliers(problem, u, J)
-        finite = [v for v in nontrivial(values, autonomous=self._autonomous).tolist() if abs(v) < _INFINITE]
+        values = floquet.multipliers(problem, u, J)
+        finite = [v for v in floquet.nontrivial(values, autonomous=self._autonomous).tolist() if abs(v) < _INFINITE]
         fold, flip, torus = (Monitor(kind, side=side) for kind in ("SN", "PD", "TR"))
         found = {
             fold: self._determinant(fold, 1.0, problem, u, J),
             flip: self._determinant(flip, -1.0, problem, u, J),
-            torus: distance_from_circle(np.array(finite, dtype=np.complex128)),
+            torus: floquet.distance_from_circle(np.array(finite, dtype=np.complex128)),
         }
         return found, values
 

@@ -16,7 +16,7 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.value_tests import Tested, border_tests, bounded, circle_tests
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import SAME, Event, Point, hermite
-from saltus.orbits.floquet import height
+from saltus.orbits.stability.floquet import height
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

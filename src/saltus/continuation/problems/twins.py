@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.maps.spectrum import multiplicity
-from saltus.orbits.floquet import height
+from saltus.orbits.stability.floquet import height
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

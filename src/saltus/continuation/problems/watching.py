@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from saltus.orbits.observables.quantities import Quantity
     from saltus.orbits.problem import OrbitProblem
-    from saltus.orbits.quantities import Quantity
 
 __all__ = ["EXTREMUM", "Watched", "beyond", "slope"]
 

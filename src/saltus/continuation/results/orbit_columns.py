@@ -16,11 +16,11 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.flow.formulas import Observable, read_formula
 from saltus.flow.observables import angles, observe
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.observed import planned
+from saltus.orbits.observables.observed import planned
+from saltus.orbits.observables.sampling import motion_of
+from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.orbit import orbit_at
 from saltus.orbits.problem import OrbitProblem, follow_from
-from saltus.orbits.sampling import motion_of
-from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import CUT_END, Signature
 from saltus.orbits.unfolding import Fixed
 from saltus.result import frozen

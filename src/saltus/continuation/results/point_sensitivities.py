@@ -22,9 +22,9 @@ from saltus.continuation.problems.extents import extents
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.maps.orbit import MapOrbit
-from saltus.orbits.critical import Branching, scaling
-from saltus.orbits.multiplier_slopes import ROUGH
 from saltus.orbits.orbit import PeriodicOrbit
+from saltus.orbits.stability.critical import Branching, scaling
+from saltus.orbits.stability.multiplier_slopes import ROUGH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,8 +12,8 @@ from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.problems.watching import EXTREMUM
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.errors import InputError, nearest
+from saltus.orbits.observables.quantities import Quantity, read_quantity
 from saltus.orbits.orbit import PeriodicOrbit
-from saltus.orbits.quantities import Quantity, read_quantity
 from saltus.system import HybridSystem, Map
 
 __all__ = [

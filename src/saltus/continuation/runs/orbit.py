@@ -40,12 +40,12 @@ from saltus.continuation.runs.run import Going
 from saltus.continuation.runs.to_homoclinic import end_unbounded
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide
 from saltus.errors import InputError
-from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.cuts import cut, started_elsewhere, stretched
-from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import ON_BORDER, Signature
+from saltus.orbits.stability.critical import solve_branch_point
+from saltus.orbits.stability.floquet import distance_from_circle
 from saltus.orbits.unfolding import Fixed
 
 if TYPE_CHECKING:

@@ -23,8 +23,8 @@ from saltus.continuation.runs.orbit import orbit_columns
 from saltus.continuation.runs.two_parameters import TwoParameterRun, locus_run
 from saltus.continuation.runs.two_sided import Found, OneSide
 from saltus.errors import InputError
+from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.quantities import read_quantity
 from saltus.orbits.signature import ON_BORDER
 
 if TYPE_CHECKING:

@@ -21,9 +21,9 @@ from saltus.continuation.runs.run import Asked
 from saltus.continuation.runs.two_sided import OneSide
 from saltus.errors import InputError
 from saltus.orbits.fixing import Wish, unfolded_at
+from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.quantities import read_quantity
 from saltus.orbits.unfolding import UnfoldedEquations
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 Each step computes the series of the state and of the mode's event functions, generated for the system; its length
 follows from the last two coefficients, and no step is rejected. A crossing is a root of the event function's own
 series, isolated by sign variations, so that two crossings inside a step are both seen. In a mode that is regularised
-(`saltus.system.regularise`), the series run in sigma, and the event about which it is regularised is a zero of w.
+(`saltus.system.writing.regularise`), the series run in sigma, and the event about which it is regularised is a zero of w.
 
 What is not plain (a motion that stays on a surface, several events at once, chattering, a singularity) is left to the
 event-driven flow of Runge-Kutta steps, which knows all the rules: the kernel returns HELP at the start of such a step.

@@ -12,7 +12,7 @@ from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, poin
 
 WAYS = FUNCTIONS.index("ways")
 JUMP = 1e-10  # step, over the segment or the time since the last event, up to which an exponent that goes too far jumps
-# Ends of parts of a step, in each of which an exponent may go as far as `system.exponents` says; not equal, as a drive
+# Ends of parts of a step, in each of which an exponent may go as far as `system.writing.exponents` says; not equal, as a drive
 # of a higher harmonic is the same at equal ones.
 PLACES = (0.23, 0.47, 0.74, 1.0)
 

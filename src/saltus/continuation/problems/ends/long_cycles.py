@@ -16,7 +16,7 @@ from saltus.continuation.problems.ends.homoclinic_problem import Arc, at_rest, p
 from saltus.continuation.problems.guards import residual_fault
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
-from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
+from saltus.orbits.stability.floquet import multipliers, nontrivial, unstable_count
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,9 +13,9 @@ import numpy as np
 from saltus.continuation.core.zero_problem import Examined, Point
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
-from saltus.orbits.hopf import HopfPoint, solve_centre, solve_hopf
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, Signature
+from saltus.orbits.stability.hopf import HopfPoint, solve_centre, solve_hopf
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

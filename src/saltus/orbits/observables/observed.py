@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 
 from saltus.flow.formulas import Formula, Observable, read_formula
-from saltus.orbits.quantities import Quantity, read_quantity
+from saltus.orbits.observables.quantities import Quantity, read_quantity
 from saltus.orbits.records import Observed
 from saltus.system.once import once
 

@@ -15,8 +15,8 @@ from scipy.integrate import quad
 from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, run_sweep, simulate
 from saltus.options import SweepOptions
 from saltus.system.derivatives import Symbolic
-from saltus.system.exponents import Exponent, exponent_of, exponents_in
-from saltus.system.taylor import series_of_mode
+from saltus.system.writing.exponents import Exponent, exponent_of, exponents_in
+from saltus.system.writing.taylor import series_of_mode
 from selection import guarding
 
 TURN = 2.0 * math.pi

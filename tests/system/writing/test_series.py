@@ -14,7 +14,7 @@ from saltus.errors import NotAnalyticError
 from saltus.system.derivatives import Symbolic
 from saltus.system.expressions import FUNCTIONS
 from saltus.system.hybrid import HybridSystem, Mode, Transition
-from saltus.system.taylor import series_of_mode
+from saltus.system.writing.taylor import series_of_mode
 
 ORDER = 8
 

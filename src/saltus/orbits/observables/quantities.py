@@ -15,7 +15,7 @@ from saltus import checks
 from saltus.errors import InputError, nearest
 from saltus.flow.formulas import read_formula
 from saltus.flow.observables import observe
-from saltus.orbits.sampling import motion_of
+from saltus.orbits.observables.sampling import motion_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

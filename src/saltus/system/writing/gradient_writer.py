@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import sympy
 
 from saltus.system.expressions import parse
-from saltus.system.printer import is_broken
-from saltus.system.writer import Writer
+from saltus.system.writing.printer import is_broken
+from saltus.system.writing.writer import Writer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,7 +15,7 @@ from saltus import afm
 from saltus.system.derivatives import Symbolic
 from saltus.system.grammar import FUNCTIONS
 from saltus.system.hybrid import HybridSystem, Mode, Transition
-from saltus.system.regularise import multiple_of, regularised
+from saltus.system.writing.regularise import multiple_of, regularised
 
 ORDER = 12
 

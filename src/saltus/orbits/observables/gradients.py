@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.observed import Differentiated, Plan, Sums, planned
-from saltus.orbits.quantities import sizes_of_unknowns
+from saltus.orbits.observables.observed import Differentiated, Plan, Sums, planned
+from saltus.orbits.observables.quantities import sizes_of_unknowns
 from saltus.orbits.records import Orbit, Seen
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.orbits.observables.quantities import Quantity
     from saltus.orbits.problem import OrbitProblem
-    from saltus.orbits.quantities import Quantity
 
 __all__ = ["followed", "gradient_of", "slope_along"]
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import sympy
 
-from saltus.system.printer import code_printer
+from saltus.system.writing.printer import code_printer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

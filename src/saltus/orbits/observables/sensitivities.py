@@ -24,11 +24,11 @@ import numpy as np
 
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.formulas import check_rotating
-from saltus.orbits.critical import scaling, touched
-from saltus.orbits.gradients import followed
-from saltus.orbits.multiplier_slopes import MultiplierSlopes, multipliers_by_parameters
-from saltus.orbits.observed import Differentiated, planned
+from saltus.orbits.observables.gradients import followed
+from saltus.orbits.observables.observed import Differentiated, planned
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.stability.critical import scaling, touched
+from saltus.orbits.stability.multiplier_slopes import MultiplierSlopes, multipliers_by_parameters
 from saltus.orbits.winding import rotating_of
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.orbits.critical import closing, scaling
-from saltus.orbits.floquet import multipliers
+from saltus.orbits.stability.critical import closing, scaling
+from saltus.orbits.stability.floquet import multipliers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

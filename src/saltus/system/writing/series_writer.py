@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from saltus.system.linear_split import split_of_mode
-from saltus.system.regularise import regularised
-from saltus.system.taylor import series_of_mode
-from saltus.system.writer import Writer
+from saltus.system.writing.linear_split import split_of_mode
+from saltus.system.writing.regularise import regularised
+from saltus.system.writing.taylor import series_of_mode
+from saltus.system.writing.writer import Writer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from saltus.system.derivatives import Symbolic
-    from saltus.system.linear_split import Split
-    from saltus.system.regularise import Regularised
+    from saltus.system.writing.linear_split import Split
+    from saltus.system.writing.regularise import Regularised
 
 __all__ = ["LinearWriter", "SeriesWriter"]
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.gradients import gradient_of
+from saltus.orbits.observables.gradients import gradient_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.orbits.observables.quantities import Quantity
     from saltus.orbits.problem import OrbitProblem
-    from saltus.orbits.quantities import Quantity
 
 __all__ = ["Keeping"]
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import ConvergenceError
-from saltus.orbits.critical import scaling
 from saltus.orbits.signature import CLOSED_END
+from saltus.orbits.stability.critical import scaling
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

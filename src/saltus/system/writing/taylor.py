@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import sympy
 
 from saltus.errors import NotAnalyticError
-from saltus.system.exponents import exponent_of
+from saltus.system.writing.exponents import exponent_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from saltus.system.derivatives import Symbolic
-    from saltus.system.regularise import Regularised
+    from saltus.system.writing.regularise import Regularised
 
 __all__ = ["Series", "series_of_mode"]
 

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import sympy
 
-from saltus.system.exponents import beyond, exponents_in, kinks_in
-from saltus.system.printer import is_broken, without_poles
-from saltus.system.regularise import multiple_of
-from saltus.system.writer import Writer, zeros
+from saltus.system.writing.exponents import beyond, exponents_in, kinks_in
+from saltus.system.writing.printer import is_broken, without_poles
+from saltus.system.writing.regularise import multiple_of
+from saltus.system.writing.writer import Writer, zeros
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from saltus.system.derivatives import Symbolic
-    from saltus.system.exponents import Exponent
+    from saltus.system.writing.exponents import Exponent
 
 __all__ = ["FlowWriter", "SecondWriter", "ThirdWriter"]
 

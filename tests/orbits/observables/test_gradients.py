@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from saltus import ConvergenceError, HybridSystem, Mode, Transition, find_orbit, solve_orbit
 from saltus.orbits.cuts import clustered
-from saltus.orbits.gradients import gradient_of
+from saltus.orbits.observables.gradients import gradient_of
+from saltus.orbits.observables.quantities import read_quantity, sizes_of_unknowns
+from saltus.orbits.observables.sensitivities import unknowns_by_parameters
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.quantities import read_quantity, sizes_of_unknowns
-from saltus.orbits.sensitivities import unknowns_by_parameters
 from saltus.orbits.signature import CLOSED_END, CUT_END, Signature
 from saltus.results import PeriodicOrbit
 

@@ -1,0 +1,1 @@
+"""Observables of periodic orbits by name: samples, values, exact gradients and sensitivities."""
