@@ -72,3 +72,12 @@ def test_a_state_that_is_rounding_or_zero_costs_no_steps(field):
     alone = HybridSystem(("x",), {}, {"m": Mode({"x": "-x + cos(s)"})}, phase=("s", "1"))
     assert len(motion.step_times) < 2.0 * len(simulate(alone, {}, [0.0], periods=20).step_times)
     assert motion.x_end[0] == pytest.approx(0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e-130, 1e-170, 1e-300, 5e-324])
+def test_a_state_next_to_nothing_is_followed(size):
+    kept = Mode({"x": "0", "s": "1"})
+    system = HybridSystem(("x", "s"), {}, {"m": kept}, [Transition("m", "m", "s - 1", 1, {"x": "-x/2", "s": "0"})])
+    motion = simulate(system, {}, [size, 0.0], t_end=3.5)
+    assert motion.x_end[0] == pytest.approx(-size / 8.0, rel=1e-9, abs=1e-323)
+    assert motion.x_end[1] == pytest.approx(0.5, abs=1e-12)

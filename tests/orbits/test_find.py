@@ -112,8 +112,27 @@ def test_settling_counts_transitions_whatever_their_time(clock):
         [Transition("on", "on", "s - T", 1, {"v": "r*v*(1 - v)", "s": "0"}, name="tick")],
     )
     assert find_orbit(ticking, {"T": clock}, x0=[0.3, 0.0]).period == pytest.approx(2.0 * clock, rel=1e-12)
-    with pytest.raises(ConvergenceError, match=r"after \d{4} returns; the motion is quasi-periodic or chaotic$"):
+    with pytest.raises(ConvergenceError, match=r"after \d{4} returns; the motion is quasi-periodic or chaotic, or"):
         find_orbit(ticking, {"T": clock, "r": 3.9}, x0=[0.3, 0.0])
+
+
+@pytest.mark.parametrize("factor", [0.9, 0.98])
+@pytest.mark.parametrize(
+    ("states", "fields", "resets"),
+    [
+        (("x", "s"), {"x": "0", "s": "1"}, {"x": "f*x", "s": "0"}),
+        (("x", "s"), {"x": "log(f)*x", "s": "1"}, {"s": "0"}),
+        (("u", "v", "x"), {"u": "v", "v": "(1 - u**2)*v - u", "x": "log(f)*x"}, None),
+    ],
+    ids=["by resets", "by its field", "beside a cycle"],
+)
+def test_a_state_that_dies_away_has_no_size_of_its_own(states, fields, resets, factor):
+    ticks = [] if resets is None else [Transition("on", "on", "s - 1", 1, resets, name="tick")]
+    system = HybridSystem(states, {"f": factor}, {"on": Mode(fields)}, ticks)
+    start = [1e-3, 0.5] if ticks else [1.0, 1.0, 1e-3]
+    orbit = find_orbit(system, x0=start)
+    assert factor**orbit.period == pytest.approx(sorted(np.abs(orbit.multipliers))[-2], rel=1e-9)
+    assert abs(orbit.x0[states.index("x")]) < 1e-12
 
 
 @pytest.mark.parametrize("amplitude", [1e-6, 1e-9, 1e-10, 1e-11])

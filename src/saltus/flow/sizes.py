@@ -26,7 +26,7 @@ ATOL = 1e-12  # absolute tolerance of a motion's steps, for states of size 1 or 
 SMALL = 1e-2  # size of a state, over the one an absolute tolerance is for, below which it needs a finer tolerance
 STEPS_KEPT = 1024  # steps of dense output between two clearances of the buffer
 MOST_KEPT = 200_000  # steps of dense output in all, some 60 bytes for each step and state
-_LEAST = 1e-150  # size of the largest state below which no tolerance differs from 0
+_LEAST = 1e-120  # size of a state up to which it is nothing: squares of rates over its tolerance would overflow
 _TRIED = 3  # finer tolerances that are tried
 _DEARER = 20  # steps that a finer tolerance may take, over those of the coarser one
 _FEW = 10_000  # further steps that a finer tolerance may take
@@ -50,7 +50,7 @@ class Sizes:
     @property
     def atol(self) -> float:
         """Absolute tolerance of the motion's steps."""
-        return ATOL * min(1.0, float(self.of_states.min()))
+        return ATOL * _share(self.of_states)
 
 
 def sizes_along(
@@ -150,7 +150,12 @@ def _share_needed(run: EventDrivenMotion) -> float:
     if (sizes[:count] >= SMALL).all() or not sizes[:count].max() > _LEAST:
         return 1.0
     p = run.p[: len(run.system.parameters)]
-    return min(1.0, float(sizes_from(run.system, p, run.x, run.mode, states, run.time).of_states[:count].min()))
+    return _share(sizes_from(run.system, p, run.x, run.mode, states, run.time).of_states[:count])
+
+
+def _share(sizes: NDArray[np.float64]) -> float:
+    """Return the size of the least state that is more than nothing, 1 at most."""
+    return float(np.min(sizes, initial=1.0, where=sizes > _LEAST))
 
 
 def fitting_atol(

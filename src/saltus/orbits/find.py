@@ -272,7 +272,7 @@ def _search_autonomous(
     system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, tol: float
 ) -> PeriodicOrbit:
     done, spent, batch, recurrence, atol = 0.0, 0, 1, math.inf, ATOL
-    failure, places = "", system.angle_places
+    failure, places, floor = "", system.angle_places, np.zeros(x.size)
     kinds = max(len(system.transitions), 1)
     while done < longest and spent < _STEPS * longest:
         gone = follow(system, p, x, mode, batch * _BATCH, batch * kinds * _EVENTS, atol, sampled=False)
@@ -280,6 +280,8 @@ def _search_autonomous(
         seen = follow(system, p, x, mode, batch * _BATCH, kinds * (2 * _LONGEST + 1), atol, sampled=True)
         spent += gone.tries + seen.tries
         sizes = sizes_of(system, p, seen)
+        floor = np.maximum(floor, _NOTHING * sizes.of_states)  # a state that dies away has no size of its own
+        sizes = sizes.at_least(floor)
         atol = sizes.atol
         if seen.events:
             done += gone.events + seen.events
@@ -312,7 +314,10 @@ def _search_autonomous(
                     failure = _why_not(orbit)
         x, mode = wrapped(seen.log.x_end, places), seen.log.mode_end
         batch *= 2
-    hint = failure or "the motion is quasi-periodic or chaotic"
+    hint = failure or (
+        "the motion is quasi-periodic or chaotic, or it settles slowly: then settle= allows more returns; see it with "
+        "simulate"
+    )
     if not failure and done < longest:
         hint = f"{spent} steps are all that settle allows; the motion is stiff, or hardly returns; pass settle="
     raise ConvergenceError("periodic attractor", recurrence, int(done), hint, unit="returns")
