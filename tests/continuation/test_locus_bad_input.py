@@ -195,7 +195,9 @@ def test_true_shows_a_bar_with_both_parameters(fold, capsys):
 
 def test_stop_at_names_types(fold):
     said = message(fold, PAIR, BOUNDS, stop_at="R5")
-    assert said.startswith("stop_at = 'R5': must be one of CP, GPD, CH, R1, R2, R3, R4, FF, FNS, PDNS, NSNS, TP, ")
+    assert said.startswith(
+        "stop_at = 'R5': must be one of CP, GPD, CH, R1, R2, R3, R4, FF, FNS, PDNS, NSNS, SNSN, PDPD, TP, "
+    )
     assert message(fold, PAIR, BOUNDS, stop_at=3) == ("stop_at = 3: must be a sequence of types of special points")
 
 

@@ -102,6 +102,8 @@ class EquilibriumCheck:
                 return [compared(name, 0.0, float(pairs[multiplicity - 1]), allowed)]
             case "BT":
                 return [compared("two eigenvalues 0", 0.0, float(real[1]), max(math.sqrt(_CRITICAL) * top, least))]
+            case "SNSN":
+                return [compared("two eigenvalues 0", 0.0, float(real[1]), allowed)]
             case "ZH":
                 return [compared("eigenvalue 0", 0.0, float(real[0]), allowed), *_first_pair(pairs, allowed)]
             case "HH":

@@ -27,7 +27,14 @@ _ON_CIRCLE = ("TR", "CH")  # types with a pair on the unit circle
 _AT_ANGLES = {"R1": 0.0, "R2": math.pi, "R3": 2.0 * math.pi / 3.0, "R4": 0.5 * math.pi}  # their angles at resonances
 
 # types at which two things happen to different multipliers
-_TWICE = {"FF": ("SN", "PD"), "FNS": ("SN", "TR"), "PDNS": ("PD", "TR"), "NSNS": ("TR", "TR")}
+_TWICE = {
+    "FF": ("SN", "PD"),
+    "FNS": ("SN", "TR"),
+    "PDNS": ("PD", "TR"),
+    "NSNS": ("TR", "TR"),
+    "SNSN": ("SN", "SN"),
+    "PDPD": ("PD", "PD"),
+}
 
 
 def spectrum(
@@ -106,6 +113,8 @@ def multiplier_condition(values: NDArray[np.complex128], kind: str, multiplicity
         one, other = _TWICE[kind]
         if one != other:
             return [*multiplier_condition(values, one), *multiplier_condition(values, other)]
+        if one in _AT_ONE:
+            return multiplier_condition(values, one, 2)
         pairs = np.sort(np.abs(np.abs(values[values.imag > 0.0]) - 1.0))
         found = float(pairs[1]) if pairs.size > 1 else math.nan
         return [compared("two critical pairs, from the unit circle", 0.0, found, 1e-6)]

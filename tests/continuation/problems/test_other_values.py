@@ -18,11 +18,14 @@ from selection import guarding
 
 WINDOW = {"p": (-1.0, 1.0), "q": (-0.5, 2.0)}
 STEPS = (0.03, 0.1, 0.3)
-CRITICAL = {"HB": "pair", "TR": "pair", "PD": "flip"}
+CRITICAL = {"HB": "pair", "TR": "pair", "PD": "flip", "SN": "bend", "LP": "bend"}
+RESTS = ("HB", "LP")  # loci of equilibria, LP one of saddle-nodes; the others are of maps
 MET = {
     "HB": {"pair": "HH", "fold": "ZH"},
     "TR": {"pair": "NSNS", "fold": "FNS", "flip": "PDNS"},
-    "PD": {"pair": "PDNS", "fold": "FF"},
+    "PD": {"pair": "PDNS", "fold": "FF", "flip": "PDPD"},
+    "SN": {"pair": "FNS", "fold": "SNSN", "flip": "FF"},
+    "LP": {"pair": "ZH", "fold": "SNSN"},
 }
 Block = tuple[str, str]  # pair, fold or flip, and its growth
 
@@ -50,16 +53,19 @@ CASES: dict[str, tuple[list[Block], list[tuple[float, str]]]] = {
 
 
 def fields(kind: str, blocks: list[Block]) -> dict[str, str]:
-    """Return the equations: those of an equilibrium at 0 for HB, else the images of a map that keeps 0."""
+    """Return the equations of an equilibrium for HB and LP, else the images of a map; all but a bend rest at 0."""
     found: dict[str, str] = {}
     for k, (what, growth) in enumerate([(CRITICAL[kind], "0.3*(p - 0.1*q)"), *blocks]):
         angle, x, y = 0.6 + 0.55 * k, f"x{k}", f"y{k}"
+        if what == "bend":
+            found[x] = f"p - 0.1*q - {x}**2" + (f" + {x}" if kind == "SN" else "")
+            continue
         if what != "pair":
             sign = "-" if what == "flip" else ""
-            found[x] = f"({growth})*{x} - {x}**3" if kind == "HB" else f"{sign}(1 + {growth})*{x} - {x}**3"
+            found[x] = f"({growth})*{x} - {x}**3" if kind in RESTS else f"{sign}(1 + {growth})*{x} - {x}**3"
             continue
         rest = f"*({x}**2 + {y}**2)"
-        if kind == "HB":
+        if kind in RESTS:
             found[x], found[y] = (
                 f"({growth})*{x} - {angle}*{y} - {x}{rest}",
                 f"({growth})*{y} + {angle}*{x} - {y}{rest}",
@@ -85,7 +91,11 @@ def locus(kind: str, blocks: list[Block], steps: float | None = None, axes: np.n
             for j, column in enumerate(axes.T.tolist())
         }
     start, at = {"p": -0.9, "q": 0.1}, np.zeros(len(found))
-    if kind == "HB":
+    if CRITICAL[kind] == "bend":
+        start["p"], at[0] = 0.9, math.sqrt(0.89)
+    if axes is not None:
+        at = axes.T @ at
+    if kind in RESTS:
         rest = saltus.find_equilibrium(HybridSystem(tuple(found), start, {"all": Mode(found)}), x0=at)
         branch: Any = saltus.continue_equilibrium(rest, "p", (-1.0, 1.0))
     else:
@@ -93,7 +103,9 @@ def locus(kind: str, blocks: list[Block], steps: float | None = None, axes: np.n
             saltus.solve_orbit(Map(tuple(found), start, found), x0=at, period=1), "p", (-1.0, 1.0)
         )
     control = None if steps is None else StepControl(largest=steps)
-    return saltus.continue_locus(branch.special_points.of_type(kind)[0], ("p", "q"), WINDOW, steps=control)
+    return saltus.continue_locus(
+        branch.special_points.of_type("SN" if kind == "LP" else kind)[0], ("p", "q"), WINDOW, steps=control
+    )
 
 
 def expression(text: str, along: dict[str, str]) -> str:
@@ -119,6 +131,8 @@ def met(found: Any) -> list[tuple[float, str]]:
         ("TR", "real ones that change places", 0.03),
         ("PD", "a pair that comes back", 0.1),
         ("PD", "a real one that comes back", 0.3),
+        ("SN", "real ones that change places", 0.1),
+        ("LP", "a pair and a real one", 0.3),
     ),
 )
 def test_each_place_is_found(kind: str, case: str, steps: float) -> None:
@@ -151,6 +165,56 @@ def test_orbits_of_flows(kind: str) -> None:
     assert met(found) == [(pytest.approx(q, abs=1e-8), name) for q, name in places]
     for point in found.special_points.of_type(places[0][1]):
         assert saltus.verify(point).passed
+
+
+def test_other_multipliers_of_a_locus_of_branch_points() -> None:
+    states = {
+        "x": "(p - 0.1*q)*x - x**3", "y": "0.2*(q - 0.5)*y - y**3", "z": "0.2*(q - 0.503)*z - 0.3*w - z**3",
+        "w": "0.2*(q - 0.503)*w + 0.3*z - w**3", "u": "cos(s) - u",
+    }  # fmt: skip
+    system = HybridSystem(tuple(states), {"p": -0.8, "q": 0.1, "w0": 1.0}, {"all": Mode(states)}, phase=("s", "w0"))
+    branch = saltus.continue_orbit(saltus.solve_orbit(system, x0=[0.0, 0.0, 0.0, 0.0, 0.5]), "p", (-1.0, 1.0))
+    found = saltus.continue_locus(branch.special_points.of_type("BP")[0], ("p", "q"), WINDOW)
+    assert [(p.type, p.parameters["q"]) for p in found.special_points] == [
+        ("SN", pytest.approx(0.5, abs=1e-9)), ("TR", pytest.approx(0.503, abs=1e-9)),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("steps", STEPS)
+def test_a_locus_that_turns_where_a_second_part_folds(steps: float) -> None:
+    """Both parameters turn where the second saddle-node is met: the locus goes on on its other sheet."""
+    system = HybridSystem.smooth({"x": "p - x**2", "y": "q - y**2"}, {"p": 1.0, "q": 1.0})
+    branch = saltus.continue_equilibrium(saltus.find_equilibrium(system, x0=[1.0, 1.0]), "p", (-1.0, 2.0))
+    found = saltus.continue_locus(branch["SN1"], ("p", "q"), WINDOW, steps=StepControl(largest=steps))
+    assert [(p.type, p.parameters["q"]) for p in found.special_points if p.type != "TP"] == [
+        ("SNSN", pytest.approx(0.0, abs=1e-9))
+    ]
+    assert sorted(found.column("y")[[0, -1]].tolist()) == pytest.approx([-(2.0**0.5), 2.0**0.5])
+
+
+@pytest.mark.parametrize("steps", guarding(STEPS, 0.3))
+def test_a_double_value_is_no_further_one(steps: float) -> None:
+    """From Bogdanov-Takens and 1:1 resonance points, too, whose second value is as critical as the first."""
+    takens = HybridSystem.smooth({"x": "y", "y": "b1 + b2*x + x**2 - x*y"}, {"b1": -1.0, "b2": -1.0})
+    rest = saltus.continue_equilibrium(saltus.find_equilibrium(takens, x0=[-0.6, 0.0]), "b1", (-2.0, 2.0))
+    henon = Map(("x", "y"), {"a": 0.1, "b": 0.3}, {"x": "1 - a*x**2 + y", "y": "b*x"})
+    orbits = saltus.continue_orbit(saltus.solve_orbit(henon, x0=[0.8, 0.2], period=1), "a", (-1.0, 2.0))
+    control, window = (
+        StepControl(largest=steps),
+        {"b1": (-2.0, 2.0), "b2": (-2.0, 2.0), "a": (-3.0, 5.0), "b": (-2.0, 2.0)},
+    )
+    for first, names, double in (
+        (rest["SN1"], ("b1", "b2"), "BT"),
+        (orbits["SN1"], ("a", "b"), "R1"),
+        (orbits["PD1"], ("a", "b"), "R2"),
+    ):
+        bounds = {name: window[name] for name in names}
+        found = saltus.continue_locus(first, names, bounds, steps=control)
+        again = saltus.continue_locus(
+            found.special_points.of_type(double)[0], names, bounds, type=first.type, steps=control
+        )
+        for curve in (found, again):
+            assert [p.type for p in curve.special_points if p.type != "TP"] == [double]
 
 
 @pytest.mark.parametrize("fast", [1.0, 1e4, 1e8])
@@ -217,7 +281,8 @@ def random_blocks(seed: int, kind: str) -> tuple[list[Block], list[tuple[float, 
         if shape == "steady":
             blocks.append((what, repr(-abs(slope))))
             continue
-        blocks.append((what, line(place, slope) if shape == "line" else dip(place, half, slope)))
+        # growths above -2: a multiplier 1 + growth would be critical on the other side of the circle
+        blocks.append((what, line(place, slope) if shape == "line" else dip(place, half, 0.6 * slope)))
         places += [
             (q, what) for q in ([place] if shape == "line" else [place - half, place + half]) if -0.45 < q < 1.95
         ]
@@ -226,7 +291,7 @@ def random_blocks(seed: int, kind: str) -> tuple[list[Block], list[tuple[float, 
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed"), guarding([(kind, seed) for kind in MET for seed in range(60)], ("TR", 0), campaign=24)
+    ("kind", "seed"), guarding([(kind, seed) for seed in range(60) for kind in MET], ("TR", 0), campaign=24)
 )
 def test_random_blocks_in_turned_axes(kind: str, seed: int) -> None:
     blocks, places, steps, axes = random_blocks(seed, kind)
@@ -293,7 +358,7 @@ def coupled(kind: str, seed: int, steps: float) -> list[tuple[str, float, float]
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("kind", MET)
+@pytest.mark.parametrize("kind", ["HB", "TR", "PD"])
 @pytest.mark.parametrize("seed", range(6))
 def test_steps_of_any_length_find_the_same(kind: str, seed: int) -> None:
     fine, usual, long = (coupled(kind, seed, steps) for steps in (0.01, 0.1, 0.3))

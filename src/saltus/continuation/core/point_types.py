@@ -75,6 +75,14 @@ POINT_TYPES: Mapping[str, PointType] = MappingProxyType(
         "NSNS": PointType(
             "double Neimark-Sacker", "double Neimark-Sacker", "h", _INK, loci=_BOTH, locus="TR", filled=False, size=6.0
         ),
+        "SNSN": PointType(
+            "double saddle-node, as by symmetry", "double saddle-node", "8", _INK, loci=_ALL, locus="SN", filled=False,
+            size=6.0,
+        ),
+        "PDPD": PointType(
+            "double period doubling, as by symmetry", "double period doubling", "8", _BROWN, loci=_BOTH, locus="PD",
+            filled=False, size=6.0,
+        ),
         "BT": PointType("Bogdanov-Takens", "Bogdanov-Takens", "*", _INK, loci=_REST, locus="HB", size=8.0),
         "GH": PointType(
             "generalised Hopf (Bautin)", "generalised Hopf", "v", _INK, loci=_REST, locus="HB", filled=False, size=6.0

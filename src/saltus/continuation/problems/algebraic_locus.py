@@ -211,7 +211,7 @@ class AlgebraicLocusProblem:
         if before is not None and before.examined.data is not None:
             data = replace(data, behind=(point.arc - before.arc, before.examined.data.others))
         monitors = resolved(monitors | special, self.faint, before)
-        others = self.others.measured(data.others, before, float(np.abs(data.values).max(initial=0.0)))
+        others = self.others.measured(data.others, before, float(np.abs(data.values).max(initial=0.0)), monitors)
         if self._origin is None:
             self._origin = u[: self.n].copy()
         self.sizes = np.maximum(self.sizes, self.grown(u))

@@ -71,7 +71,7 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
 
     def other_values(self) -> OtherValues:
         """See `AlgebraicLocusProblem.other_values`."""
-        types = {"SN": {"pair": "ZH"}, "HB": {"fold": "ZH", "pair": "HH"}}
+        types = {"SN": {"fold": "SNSN", "pair": "ZH"}, "HB": {"fold": "ZH", "pair": "HH"}}
         return eigenvalues_beside(types.get(self.kind, {"fold": "SN", "pair": "HB"}))
 
     def beside(self, z: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:

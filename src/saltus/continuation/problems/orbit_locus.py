@@ -61,7 +61,6 @@ _CONSTANT = 1e-9  # component of the tangent below which a parameter is constant
 _ROUGH = 1e-8  # least relative tolerance of the flow for the coefficients of normal forms, unless one vanishes
 _RESONANT = 1e-4  # distance from R1, R2 and R3, in the cosine, within which a torus' coefficient is undetermined
 _TOUCHED = 1e-10  # margin, over the size of the events, up to which a GR locus touches all along
-
 _Special = tuple[dict[Monitor, float], LocusData | None]
 
 
@@ -151,7 +150,10 @@ class LocusZeroProblem:
         if isinstance(condition, Branching):
             out[:size] += z[size] * condition.forcing
             matrix[:size, size] = condition.forcing
-        values, gradient, further = condition.evaluate(u, z[size : size + extra], J)
+        try:
+            values, gradient, further = condition.evaluate(u, z[size : size + extra], J)
+        except np.linalg.LinAlgError:  # two loci meet there
+            return np.full_like(out, np.nan), np.full_like(matrix, np.nan)
         out[size:], matrix[size:, :size], matrix[size:, -2:] = values, gradient[:, :size], gradient[:, size:]
         matrix[size:, size : size + extra] = further
         return out, matrix
@@ -206,7 +208,7 @@ class LocusZeroProblem:
                     monitors[name] = math.nan
         special, data = self._special(point, survey)
         assert data is not None
-        others = self.others.measured(data.others, before)
+        others = self.others.measured(data.others, before, known=special)
         monitors |= special | others
         if before is not None and before.examined.data is not None:
             data = replace(data, behind=(point.arc - before.arc, before.examined.data.others))
@@ -370,8 +372,7 @@ class LocusZeroProblem:
         return found, self._data(survey, point.u, math.nan, math.nan)
 
     def _at_BP(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
-        found = {Monitor("unfolded"): float(point.u[self.problem.size])}
-        return found, self._data(survey, point.u, math.nan, math.nan)
+        return {Monitor("unfolded"): float(point.u[self.problem.size])}, self._data(survey, point.u, math.nan, math.nan)
 
     def _at_GR(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         u, condition = self.orbit(point.u), self.condition

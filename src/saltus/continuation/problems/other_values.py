@@ -35,15 +35,18 @@ __all__ = [
 ]
 
 SEVERAL = "events: other values become critical at more than one place within the step"
-_GOALS = {"SN": 1.0, "PD": -1.0}  # the critical multiplier on a locus
+_GOALS = {"SN": 1.0, "PD": -1.0, "BP": 1.0}  # the critical multiplier on a locus
 # types of the points at which another multiplier becomes critical on a locus; other test functions tell of the rest
 _TYPES = {
-    "SN": {"pair": "FNS"},
-    "PD": {"pair": "PDNS"},
+    "SN": {"fold": "SNSN", "pair": "FNS"},
+    "PD": {"flip": "PDPD", "pair": "PDNS"},
+    "BP": {"fold": "SN", "flip": "PD", "pair": "TR"},
     "TR": {"fold": "FNS", "flip": "PDNS", "pair": "NSNS"},
     "BC": {"fold": "SN", "flip": "PD", "pair": "TR"},
     "value": {"pair": "TR"},
 }
+# types of points at which a further value is as critical as the one of the locus, and the points at which both are one
+_DOUBLE = {"SNSN": ("R1", "BT"), "PDPD": ("R2",)}
 # coefficients that have a pole at another point, and that point: they are followed times a function that vanishes there
 _FACTORS = {"GPD": "FF", "CH": "FNS"}
 KIND = "other"  # kind of the monitor functions, one for each place in the order of growth
@@ -51,6 +54,8 @@ _TOUCHED = 10.0  # growth over its rounding, to within which no step leads, unle
 _SAME = 100.0  # growth over its rounding, up to which a value is critical at a located point as well
 _TWIN = 10.0  # distance from the critical place over that of the critical value, up to which a value is its twin
 _PAIRED = 1e-9  # imaginary part over the size, from which on a value is one of a complex pair
+_SHADOW = 1e-4  # distance in arclength from a double value within which it is no further one
+_AT_START = 1e-6  # function that vanishes at a double value, up to which the locus starts there
 
 
 def eigenvalues_beside(types: Mapping[str, str]) -> OtherValues:
@@ -144,20 +149,27 @@ class OtherValues:
     unit: float | None = None  # of eigenvalues: by default the largest modulus at the first point
     neutral: int | None = field(default=None, init=False)  # values that are critical all along the locus
     crossing: bool = field(default=False, init=False)  # whether a point of one of the types may lie in the last step
+    doubled: bool = field(default=False, init=False)  # whether the locus starts at a double value
     # whether the signs at the last step's ends do not tell all that becomes critical within
     _untold: bool = field(default=False, init=False)
 
     def measured(
-        self, values: NDArray[np.complex128], before: Point | None, largest: float = 1.0
+        self,
+        values: NDArray[np.complex128],
+        before: Point | None,
+        largest: float = 1.0,
+        known: Mapping[Monitor, float] | None = None,
     ) -> dict[Monitor, float]:
         """Return the monitor functions at a point, and give those at the point before the same names.
 
-        largest: modulus of the largest value, the critical ones among them.
+        largest: modulus of the largest value, the critical ones among them. known: the locus' other monitor functions.
         """
         self.unit = self.unit or largest or 1.0
         close = int(np.sum(np.abs(self._growth(values)) < self.rounding))
         self.neutral = close if self.neutral is None else min(self.neutral, close)
-        found = self.named(values)
+        found, told = self.named(values), known or {}
+        if before is None:
+            self.doubled = any(abs(told.get(name, np.nan)) < _AT_START for name in self._doubles())
         if before is None or before.examined.data is None:
             return found
         old = before.examined.data.others
@@ -165,13 +177,19 @@ class OtherValues:
             ranked = {name: np.nan if self.is_critical(g) else g for name, g in self.named(old).items()}
             before.examined = replace(before.examined, monitors={**before.examined.monitors, **ranked})
         (pairs, *first), (others, *second) = self._counts(old), self._counts(values)
-        self.crossing = "fold" in self.types or (pairs, first[0]) != (others, second[0])
         moves = [(b - a) * size for a, b, size in zip(first, second, (2, 1, 1), strict=True)]
         total = sum(map(abs, moves)) if pairs == others else 0
         band = _TOUCHED * self.rounding
-        known = before.examined.monitors
-        touched = any(abs(growth) < band <= abs(known[name]) for name, growth in found.items())
-        self._untold = touched or total != abs(sum(moves))
+        start = before.examined.monitors
+        touched = any(abs(growth) < band <= abs(start[name]) for name, growth in found.items())
+        further = dict(zip(("pair", "fold", "flip"), map(abs, moves), strict=True))
+        missed = False
+        for what, kind in self.types.items():
+            if any(start.get(name, np.nan) * told.get(name, np.nan) < 0.0 for name in self._doubles(kind)):
+                further[what] -= 1
+                missed = further[what] != 0
+        self.crossing = pairs != others or 0.0 in found.values() or any(further[what] for what in self.types)
+        self._untold = touched or missed or total != abs(sum(moves))
         return found
 
     def named(self, values: NDArray[np.complex128]) -> dict[Monitor, float]:
@@ -205,7 +223,7 @@ class OtherValues:
         growth, known = self._growth(values), values.tolist()
         for i in self._order(growth).tolist():
             value, grows = known[i], bool(growth[i] > 0.0)
-            if abs(value.imag) > _PAIRED * abs(value):
+            if self._turns(value):
                 paired, pairs = paired + 1, pairs + grows
             else:
                 positive, negative = positive + (grows and value.real > 0.0), negative + (grows and value.real <= 0.0)
@@ -227,7 +245,17 @@ class OtherValues:
             kind = self.types.get(self._what(value))
             if kind is not None and not self._known(kind, event, found):
                 found.append(replace(event, name=Monitor(kind)))
-        return [event for event in found if not self._by_its_factor(event, found)]
+        return [event for event in found if not (self._by_its_factor(event, found) or self._is_double(event, found))]
+
+    def _doubles(self, *kinds: str) -> list[Monitor]:
+        """Return the functions that vanish at double values, of some types of points or of all that are told here."""
+        return [Monitor(name) for kind in kinds or self.types.values() for name in _DOUBLE.get(kind, ())]
+
+    def _is_double(self, event: Event, events: list[Event]) -> bool:
+        """Return whether a value is as critical as that of the locus since both become one double value there."""
+        names = self._doubles(event.name.kind)
+        places = [e.point.arc for e in events if e.name in names] + [0.0] * (self.doubled and bool(names))
+        return any(abs(place - event.point.arc) < _SHADOW for place in places)
 
     @staticmethod
     def _by_its_factor(event: Event, events: list[Event]) -> bool:
@@ -235,8 +263,12 @@ class OtherValues:
         factor = _FACTORS.get(event.name.kind)
         return any(e.name.kind == factor and abs(e.point.arc - event.point.arc) < SAME for e in events)
 
+    def _turns(self, value: complex) -> bool:
+        """Return whether a value is one of a complex pair."""
+        return abs(value.imag) > max(_PAIRED * abs(value), _TOUCHED * self.rounding * (self.unit or 1.0))
+
     def _what(self, value: complex) -> str:
-        if abs(value.imag) > _PAIRED * abs(value):
+        if self._turns(value):
             return "pair"
         return "flip" if self.tests is circle_tests and value.real < 0.0 else "fold"
 

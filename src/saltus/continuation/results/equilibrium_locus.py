@@ -23,10 +23,10 @@ __all__ = ["EquilibriumLocus"]
 class EquilibriumLocus(TwoParameters[Equilibrium], EquilibriumCurve):
     """Critical equilibria along two parameters, with the parameters' values in `values`, shape (point, 2).
 
-    Special points of an SN locus are ``CP`` (cusp), ``BT`` (Bogdanov-Takens) and ``ZH`` (zero-Hopf). Those of an HB
-    locus are ``GH`` (generalised Hopf), ``BT``, ``ZH`` and ``HH`` (double Hopf). A BE locus has ``SN`` and ``HB``:
-    there the equilibrium is critical too. At ``BE`` a boundary of the mode is met. At ``TP`` the parameter
-    `SpecialPoint.of` turns. `TwoParameters` and `EquilibriumCurve` list the
+    Special points of an SN locus are ``CP`` (cusp), ``BT`` (Bogdanov-Takens), ``ZH`` (zero-Hopf) and ``SNSN``, where a
+    second eigenvalue is 0, as by symmetry. Those of an HB locus are ``GH`` (generalised Hopf), ``BT``, ``ZH`` and
+    ``HH`` (double Hopf). A BE locus has ``SN`` and ``HB``: there the equilibrium is critical too. At ``BE`` a boundary
+    of the mode is met. At ``TP`` the parameter `SpecialPoint.of` turns. `TwoParameters` and `EquilibriumCurve` list the
     other attributes.
 
     Attributes

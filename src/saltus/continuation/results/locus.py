@@ -26,9 +26,10 @@ class Locus(TwoParameters[PeriodicOrbit], OrbitCurve):
     An SN locus has ``CP`` (cusp) among its `special_points`. A PD locus has ``GPD`` and a TR locus ``CH``, where the
     normal form's coefficient vanishes. ``R1`` to ``R4`` are strong resonances. At ``FF`` (fold-flip) an SN and a PD
     locus meet. At ``FNS``, ``PDNS`` and ``NSNS`` (fold-, flip- and double Neimark-Sacker) a TR locus meets one of SN,
-    PD or TR. At ``GR`` a grazing locus is met. A GR locus has ``SN``, ``PD`` and ``TR``, where a locus of that type
-    is met. At ``TP`` the parameter `SpecialPoint.of` turns. docs/theory/loci.md, "What is found on a locus", gives the
-    test functions. `OrbitCurve` lists the other attributes.
+    PD or TR. At ``SNSN`` and ``PDPD`` a second multiplier is 1 or -1, as by symmetry. At ``GR`` a grazing locus is
+    met. GR and BP loci have ``SN``, ``PD`` and ``TR``, where a locus of that type is met. At ``TP`` the parameter
+    `SpecialPoint.of` turns. docs/theory/loci.md, "What is found on a locus", gives the test functions.
+    `OrbitCurve` lists the other attributes.
 
     Attributes
     ----------

@@ -24,8 +24,9 @@ class MapLocus(TwoParameters[MapOrbit], MapCurve):
     """Critical orbits of a map along two parameters, with the parameters' values in `values`, shape (point, 2).
 
     Special points of an SN locus are ``CP`` (cusp), ``R1``, ``FF`` (fold-flip) and ``FNS`` (fold-Neimark-Sacker). Those
-    of a PD locus are ``GPD``, ``R2``, ``FF`` and ``PDNS`` (flip-Neimark-Sacker). Those of a TR locus are ``CH``
-    (Chenciner), ``R1`` to ``R4``, ``FNS``, ``PDNS`` and ``NSNS`` (double Neimark-Sacker). A BC locus has ``SN``, ``PD``
+    of a PD locus are ``GPD``, ``R2``, ``FF`` and ``PDNS`` (flip-Neimark-Sacker). At ``SNSN`` and ``PDPD`` a second
+    multiplier is 1 or -1, as by symmetry. Those of a TR locus are ``CH`` (Chenciner), ``R1`` to ``R4``, ``FNS``,
+    ``PDNS`` and ``NSNS`` (double Neimark-Sacker). A BC locus has ``SN``, ``PD``
     and ``TR``: there the orbit is critical too. At ``BC`` another border is met. At ``TP`` the parameter
     `SpecialPoint.of` turns. `TwoParameters` and `MapCurve` list the
     other attributes.
