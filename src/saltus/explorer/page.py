@@ -63,6 +63,7 @@ class Page(Listener):
 
     def __init__(self, desk: Desk, uploaded: Callable[[bytes], str], defined: Callable[[Subject], str]) -> None:
         self.desk, self.session = desk, desk.session
+        widgets.tell_faults(self._fault)
         self._live_watch: Any = None
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
         self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
@@ -259,7 +260,7 @@ class Page(Listener):
 
         document = pn.state.curdoc
         if self._live_watch is None and self.live.busy and document is not None:
-            self._live_watch = document.add_periodic_callback(self._look_live, _LIVE_PACE)
+            self._live_watch = document.add_periodic_callback(widgets.guarded(self._look_live), _LIVE_PACE)
 
     def _look_live(self) -> None:
         self.live.listen()
@@ -362,6 +363,14 @@ class Page(Listener):
     def close(self) -> None:
         """End the process that draws."""
         self.live.close()
+
+    def _fault(self, error: Exception) -> None:
+        """Tell an error that nobody has expected."""
+        if isinstance(error, SaltusError):
+            self._line(str(error))
+            return
+        first = str(error).partition("\n")[0]
+        self._line(f"{type(error).__name__}: {first}; this is a fault of saltus; {self.desk.kept}")
 
     def _line(self, line: str) -> None:
         self.told(line, error=bool(line))
