@@ -24,6 +24,7 @@ from saltus.explorer.points.view import PointView
 from saltus.explorer.points.wishes import Wishes
 from saltus.explorer.solutions import observable_of, traits_of
 from saltus.explorer.steps import Basin, Place, Step, taken
+from saltus.explorer.tasks import expect_results
 from saltus.explorer.views.action_view import ActionView, StartView
 from saltus.explorer.views.basin_view import BasinView
 from saltus.explorer.views.diagram_view import DiagramView
@@ -416,10 +417,10 @@ class Page(Listener):
 
     def begin(self) -> None:
         """Find a first orbit where a session has nothing yet; of a smooth autonomous system an equilibrium."""
-        self.desk.start()
         if not self.session.entries and not self.desk.busy:
             settings, find = self.session.settings, kind_of(self.session.system).first
             self.run(find(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
+            widgets.poster()(expect_results)  # while the process works, so that its first result is read at once
         self._ready()
 
 
