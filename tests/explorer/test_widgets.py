@@ -37,6 +37,8 @@ def test_a_click_is_told():
     made.clicks += 1
     assert heard == ["clicked"]
     assert (made.button_type, made.css_classes) == ("primary", ["go"])
+    tip = made.description
+    assert (tip.content, tip.position) == ("and come back", "bottom")  # beside it the next button stands
 
 
 def test_a_count_stays_between_its_ends():

@@ -50,6 +50,7 @@ __all__ = [
 _FILM = 640  # pixels of a film's width
 _TURNS = 4  # turns of the server's loop that a change and those that it makes may need
 _MARGIN = (2, 4)  # pixels above and below, left and right
+_TIP = ":host { max-width: 104px; white-space: normal; }"  # so that it is whole below a button at the window's edge
 _P = ParamSpec("_P")
 _LOG = logging.getLogger(__name__)
 _TOLD: WeakKeyDictionary[Any, WeakMethod[Any]] = WeakKeyDictionary()  # by document: who tells what went wrong
@@ -61,9 +62,12 @@ def _sheets() -> list[str]:
 
 
 def button(text: str, name: str, *, kind: str = "default", tip: str = "") -> Any:
-    """Return a button; `tip` is shown when the pointer rests on it."""
+    """Return a button; `tip` is shown below when the pointer rests on it: beside it the next button stands."""
+    from bokeh.models import Tooltip
+
     options = {"button_type": kind, "css_classes": [name], "margin": (2, 3), "stylesheets": _sheets()}
-    return pn.widgets.Button(name=text, description=tip or None, **options)
+    shown = Tooltip(content=tip, position="bottom", stylesheets=[_TIP]) if tip else None
+    return pn.widgets.Button(name=text, description=shown, **options)
 
 
 def on_click(made: Any, work: Callable[[], object]) -> None:
