@@ -114,6 +114,18 @@ def test_only_the_last_wish_counts(slow, wish):
     assert [frame.wish.parameters["a"] for frame in shown] == [1.0, 1.3]
 
 
+def test_to_get_ready_replaces_no_wish_that_is_to_be_shown(slow, wish):
+    live, companion, shown = slow
+    for a in (1.0, 1.1):
+        live.want(wish(parameters={"a": a}))
+    live.want(wish(parameters={"a": 1.1}, shown=False))  # an orbit has come meanwhile
+    for _ in range(2):
+        companion.answer(seconds=0.01)
+        live.listen()
+    assert not live.busy
+    assert [frame.wish.parameters["a"] for frame in shown] == [1.0, 1.1]
+
+
 def test_the_orbit_follows_the_motion_and_goes_on_from_the_last(slow, wish, results):
     live, companion, shown = slow
     live.start_from(results["orbit1"])

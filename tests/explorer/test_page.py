@@ -3,6 +3,8 @@
 import json
 
 import pytest
+from bokeh.document import Document
+from panel.io.state import set_curdoc
 
 from saltus.errors import SaltusError
 from saltus.explorer.desk import Desk, Work
@@ -241,6 +243,31 @@ def test_errors_are_written_as_text(page):
     assert (page._message.object, page._message.css_classes) == ("&lt;script&gt;", ["message", "error"])
     page.told("well")
     assert page._message.css_classes == ["message"]
+
+
+class Faulty(Paper):
+    """A desk in which a fault of the package shows."""
+
+    def run(self, step, done=None, replaces="") -> None:
+        raise KeyError("<of>\nmore")
+
+
+def test_a_fault_is_told_in_one_sentence_with_what_is_kept(session, toys, caplog):
+    with set_curdoc(Document()):
+        page = Page(Faulty(toys, session), None, None)
+        for name in ("find-orbit", "sweep"):
+            (button,) = page.starts.panel.select(
+                lambda part, name=name: [name] == getattr(part, "css_classes", ()) and hasattr(part, "clicks")
+            )
+            page.told("")
+            button.clicks += 1
+            told = page._message.object
+            assert told.startswith("KeyError: ")
+            assert told.endswith("; this is a fault of saltus; kept: orbit1, branch1, locus1, sweep1, motion1")
+            assert "\n" not in told
+        page.wishes.source.data = {"wish": ["no JSON"], "at": ["1"]}
+    assert page._message.object.startswith("JSONDecodeError: ")
+    assert "Traceback" in caplog.text
 
 
 @pytest.mark.campaign

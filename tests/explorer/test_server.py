@@ -1,10 +1,13 @@
 """The server lets in only who names it and knows its token; sessions stay in their folder."""
 
+import asyncio
 import logging
 import socket
 import subprocess
 import sys
 from errno import EADDRINUSE
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from bokeh.server.connection import ServerConnection
@@ -134,6 +137,16 @@ def test_only_what_goes_wrong_with_a_living_page_is_told_in_full(act, left):
     assert not server._is_gone(logging.LogRecord("any", logging.ERROR, __file__, 1, "error", None, None))
 
 
+def test_a_page_that_is_closed_while_it_is_written_to_is_no_warning(monkeypatch):
+    loop = asyncio.new_event_loop()
+    for name in ("bokeh.server.views.ws", "panel.io.document"):
+        monkeypatch.setattr(logging.getLogger(name), "level", logging.WARNING)
+    server._quieten(SimpleNamespace(asyncio_loop=loop))
+    loop.close()
+    for name in ("bokeh.server.views.ws", "panel.io.document"):
+        assert logging.getLogger(name).level == logging.ERROR
+
+
 def test_a_host_of_another_machine_is_told():
     with pytest.raises(InputError, match=r"address = .192\.0\.2\.1:"):
         listening(None, Address("192.0.2.1"))
@@ -155,3 +168,13 @@ def test_errors_of_the_command_are_one_line(arguments, line, tmp_path):
     assert done.returncode == 2
     assert line in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_the_process_that_works_starts_before_a_browser_has_the_page(tmp_path):
+    with served(tmp_path, "tapping-mode-1") as (address, process):
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        if not children.exists():
+            pytest.skip("this system does not tell the children of a process")
+        before = len(children.read_text().split())
+        assert asked(address, f"/?token={TOKEN}")[0] == 200
+        assert len(children.read_text().split()) > before

@@ -1,5 +1,7 @@
 """What a companion does: a step of plain data gives a result, its time and its warnings."""
 
+import subprocess
+import sys
 import warnings
 
 import pytest
@@ -53,3 +55,19 @@ def test_the_last_orbit_is_told_by_its_place_on_the_axes(ball_on_table, taken_st
     values, heights = outcome.result.values, outcome.result.column("max_z")
     assert [a, z] in [[value, pytest.approx(height)] for value, height in zip(values, heights, strict=True)]
     assert all(progress.last is None or isinstance(progress.last, tuple) for progress in told)
+
+
+_AFTER_ALL = """
+import sys
+from saltus.explorer import tasks
+assert "scipy.optimize" not in sys.modules, "imported, and no orbit needs it"
+tasks.prepare()
+before = set(sys.modules)
+import scipy.linalg.lapack, xarray
+xarray.Dataset({"x": ("n", [0.0])})
+assert not set(sys.modules) - before, set(sys.modules) - before
+"""
+
+
+def test_what_an_orbit_needs_is_imported_before_it_is_asked_for():
+    subprocess.run([sys.executable, "-c", _AFTER_ALL], check=True, timeout=300)

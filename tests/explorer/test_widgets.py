@@ -1,6 +1,8 @@
 """Widgets: each is found by its class, and tells a change to whoever listens."""
 
 import pytest
+from bokeh.document import Document
+from panel.io.state import set_curdoc
 
 from saltus.explorer import widgets
 
@@ -35,6 +37,8 @@ def test_a_click_is_told():
     made.clicks += 1
     assert heard == ["clicked"]
     assert (made.button_type, made.css_classes) == ("primary", ["go"])
+    tip = made.description
+    assert (tip.content, tip.position) == ("and come back", "bottom")  # beside it the next button stands
 
 
 def test_a_count_stays_between_its_ends():
@@ -76,3 +80,42 @@ def test_a_quantity_that_is_typed_whole_comes_before_those_that_have_it_in_them(
     names = widgets.quantity("x", ["max_z", "z", "x*z", "z"], "z", 100).options
     for typed in ("", *names):
         assert next(name for name in names if typed in name) == typed
+
+
+def broken(*given) -> None:
+    raise TypeError("no number")
+
+
+class Teller:
+    """A page that notes what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[Exception] = []
+
+    def tell(self, error: Exception) -> None:
+        self.told.append(error)
+
+
+@pytest.fixture
+def document():
+    made = Document()
+    with set_curdoc(made):
+        yield made
+
+
+@pytest.mark.usefixtures("document")
+def test_an_error_is_told_in_the_page_and_in_the_log(caplog):
+    page = Teller()
+    widgets.tell_faults(page.tell)
+    widgets.guarded(broken)("1")
+    assert [str(error) for error in page.told] == ["no number"]
+    assert "TypeError: no number" in caplog.text
+
+
+@pytest.mark.usefixtures("document")
+def test_an_error_without_a_page_is_raised():
+    with pytest.raises(TypeError, match="no number"):
+        widgets.guarded(broken)("1")
+    widgets.tell_faults(Teller().tell)  # a page that is gone
+    with pytest.raises(TypeError, match="no number"):
+        widgets.guarded(broken)("1")

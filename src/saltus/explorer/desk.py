@@ -116,6 +116,12 @@ class Desk:
         trail = tuple(self._trail) if job.axes == self.session.settings.axes else ()
         return Work(job.what, self._progress, waiting, key in self._stopping, trail, self._silent)
 
+    @property
+    def kept(self) -> str:
+        """What the session has, in words."""
+        names = ", ".join(entry.name for entry in self.session.entries)
+        return f"kept: {names}" if names else "there was nothing to keep"
+
     # ---- pages ----
 
     def join(self, listener: Listener, post: Callable[[Callable[[], None]], object] = _at_once) -> None:
@@ -251,8 +257,7 @@ class Desk:
 
     def _told(self, error: str) -> str:
         """Return an error in words; of a process that died, also what is kept."""
-        kept = ", ".join(entry.name for entry in self.session.entries)
-        return f"{error}; {f'kept: {kept}' if kept else 'there was nothing to keep'}" if error == ENDED else error
+        return f"{error}; {self.kept}" if error == ENDED else error
 
     def _arrived(self, job: Job, content: Any) -> None:
         if not isinstance(content, Outcome):

@@ -193,8 +193,10 @@ class Live:
     def want(self, wish: Wish) -> None:
         """Ask for a picture; of wishes that come while another is drawn, the last one counts.
 
-        What is being drawn is not interrupted: its steps are bounded.
+        What is being drawn is not interrupted: its steps are bounded. One that is not shown is for a process at rest.
         """
+        if not wish.shown and self.busy:
+            return
         self._waiting = wish
         if self._key is None:
             self._next()

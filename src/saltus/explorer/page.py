@@ -24,6 +24,7 @@ from saltus.explorer.points.view import PointView
 from saltus.explorer.points.wishes import Wishes
 from saltus.explorer.solutions import observable_of, traits_of
 from saltus.explorer.steps import Basin, Place, Step, taken
+from saltus.explorer.tasks import expect_results
 from saltus.explorer.views.action_view import ActionView, StartView
 from saltus.explorer.views.basin_view import BasinView
 from saltus.explorer.views.diagram_view import DiagramView
@@ -63,6 +64,7 @@ class Page(Listener):
 
     def __init__(self, desk: Desk, uploaded: Callable[[bytes], str], defined: Callable[[Subject], str]) -> None:
         self.desk, self.session = desk, desk.session
+        widgets.tell_faults(self._fault)
         self._live_watch: Any = None
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
         self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
@@ -259,7 +261,7 @@ class Page(Listener):
 
         document = pn.state.curdoc
         if self._live_watch is None and self.live.busy and document is not None:
-            self._live_watch = document.add_periodic_callback(self._look_live, _LIVE_PACE)
+            self._live_watch = document.add_periodic_callback(widgets.guarded(self._look_live), _LIVE_PACE)
 
     def _look_live(self) -> None:
         self.live.listen()
@@ -363,6 +365,14 @@ class Page(Listener):
         """End the process that draws."""
         self.live.close()
 
+    def _fault(self, error: Exception) -> None:
+        """Tell an error that nobody has expected."""
+        if isinstance(error, SaltusError):
+            self._line(str(error))
+            return
+        first = str(error).partition("\n")[0]
+        self._line(f"{type(error).__name__}: {first}; this is a fault of saltus; {self.desk.kept}")
+
     def _line(self, line: str) -> None:
         self.told(line, error=bool(line))
 
@@ -407,10 +417,10 @@ class Page(Listener):
 
     def begin(self) -> None:
         """Find a first orbit where a session has nothing yet; of a smooth autonomous system an equilibrium."""
-        self.desk.start()
         if not self.session.entries and not self.desk.busy:
             settings, find = self.session.settings, kind_of(self.session.system).first
             self.run(find(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
+            widgets.poster()(expect_results)  # while the process works, so that its first result is read at once
         self._ready()
 
 

@@ -80,8 +80,9 @@ class PlaneView:
     def _watch(self) -> None:
         from bokeh.events import RangesUpdate, Tap
 
-        self._portrait.on_event(Tap, lambda event: self._clicked(event.x, event.y))
-        self._portrait.on_event(RangesUpdate, lambda _: self.draw_layers())
+        clicked, moved = widgets.guarded(self._clicked), widgets.guarded(self.draw_layers)
+        self._portrait.on_event(Tap, lambda event: clicked(event.x, event.y))
+        self._portrait.on_event(RangesUpdate, lambda _: moved())
 
     @property
     def live(self) -> bool:

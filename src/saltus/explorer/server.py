@@ -105,6 +105,7 @@ def _page_of(office: Office) -> Callable[[], Any]:
                 pn.state.on_session_destroyed(lambda _, listener=listener: desk.leave(listener))
             pn.state.onload(page.begin)
             _template(office, page, sessions).server_doc(pn.state.curdoc)
+        desk.start()  # beside the browser, which loads the page
         return None
 
     return make
@@ -206,7 +207,8 @@ def _quieten(loop: Any) -> None:
     """Say little of pages that are closed while something is sent to them, or while they say something."""
     from tornado.websocket import WebSocketClosedError
 
-    logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
+    for name in ("bokeh.server.views.ws", "panel.io.document"):
+        logging.getLogger(name).setLevel(logging.ERROR)
     logging.getLogger("bokeh.server.protocol_handler").addFilter(_told_shortly)
     logging.getLogger("tornado.application").addFilter(lambda record: not _is_gone(record))  # closed twice
 

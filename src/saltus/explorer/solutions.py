@@ -40,6 +40,7 @@ __all__ = [
 ]
 
 EXTREMES = ("min", "max")
+_MOST_STEPS = 100_000  # steps of a motion that is drawn: the server would stand still, 64 s for 2.4 million
 _ZERO = 1e-12  # size of a mean, over that of the extremes, below which it is rounding
 
 
@@ -97,7 +98,7 @@ def path_of(motion: Any, names: Sequence[str]) -> Path:
     Raises
     ------
     InputError
-        A text that is no expression, or an unknown name in it.
+        A text that is no expression, or an unknown name in it; a motion that is too long to be drawn.
 
     Examples
     --------
@@ -117,6 +118,9 @@ def _(orbit: PeriodicOrbit, names: Sequence[str]) -> Path:
 
 @path_of.register
 def _(motion: Trajectory, names: Sequence[str]) -> Path:
+    if len(motion.step_times) > _MOST_STEPS:
+        allowed = f"of at most {_MOST_STEPS} steps to be drawn"
+        raise InputError("motion", f"{len(motion.step_times)} steps", allowed, "it is kept")
     curves, modes, _ = flights_of(motion, names)
     ended = zip(curves, motion.events["kind"], strict=False)
     return _cut(motion.system, names, curves, modes, [curve for curve, kind in ended if kind == "event"])

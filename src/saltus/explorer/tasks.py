@@ -13,12 +13,13 @@ from saltus.errors import InputError, SaltusError
 from saltus.explorer.solutions import quantity_of
 from saltus.explorer.steps import step_from
 from saltus.explorer.subjects import system_of
+from saltus.work import uncollected
 
 if TYPE_CHECKING:
     from saltus.progress import Progress, Report
     from saltus.result import Result
 
-__all__ = ["Outcome", "normal_forms", "prepare", "take", "warm"]
+__all__ = ["Outcome", "expect_results", "normal_forms", "prepare", "take", "warm"]
 
 
 _PACE = 0.1  # seconds between two solutions whose place is told, at least
@@ -34,9 +35,21 @@ class Outcome(NamedTuple):
 
 def prepare() -> None:
     """Import what steps need, before the first one."""
+    import scipy.linalg  # noqa: F401
+
     import saltus.basins
     import saltus.continuation
     import saltus.sweeps  # noqa: F401
+
+    expect_results()
+
+
+def expect_results() -> None:
+    """Import what a result needs on its way from one process to another."""
+    with uncollected():
+        import xarray
+
+        xarray.Dataset({"none": ("none", [])})  # the first one imports other packages
 
 
 def take(

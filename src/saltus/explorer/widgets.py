@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, ParamSpec
+from weakref import WeakKeyDictionary, WeakMethod
 
 import panel as pn
 
@@ -22,6 +24,7 @@ __all__ = [
     "download",
     "film",
     "fold",
+    "guarded",
     "html",
     "lines",
     "number",
@@ -38,6 +41,7 @@ __all__ = [
     "side_by_side",
     "slider",
     "tabs",
+    "tell_faults",
     "text",
     "tick",
     "upload",
@@ -46,6 +50,10 @@ __all__ = [
 _FILM = 640  # pixels of a film's width
 _TURNS = 4  # turns of the server's loop that a change and those that it makes may need
 _MARGIN = (2, 4)  # pixels above and below, left and right
+_TIP = ":host { max-width: 104px; white-space: normal; }"  # so that it is whole below a button at the window's edge
+_P = ParamSpec("_P")
+_LOG = logging.getLogger(__name__)
+_TOLD: WeakKeyDictionary[Any, WeakMethod[Any]] = WeakKeyDictionary()  # by document: who tells what went wrong
 
 
 @cache
@@ -54,9 +62,12 @@ def _sheets() -> list[str]:
 
 
 def button(text: str, name: str, *, kind: str = "default", tip: str = "") -> Any:
-    """Return a button; `tip` is shown when the pointer rests on it."""
+    """Return a button; `tip` is shown below when the pointer rests on it: beside it the next button stands."""
+    from bokeh.models import Tooltip
+
     options = {"button_type": kind, "css_classes": [name], "margin": (2, 3), "stylesheets": _sheets()}
-    return pn.widgets.Button(name=text, description=tip or None, **options)
+    shown = Tooltip(content=tip, position="bottom", stylesheets=[_TIP]) if tip else None
+    return pn.widgets.Button(name=text, description=shown, **options)
 
 
 def on_click(made: Any, work: Callable[[], object]) -> None:
@@ -83,7 +94,7 @@ def on_change(made: Any, work: Callable[[Any], object], what: str = "value") -> 
 def poster() -> Callable[[Callable[[], None]], object]:
     """Return a function that does work soon, with the lock of the page that is made now; at once without a server."""
     document = pn.state.curdoc
-    return (lambda work: work()) if document is None else document.add_next_tick_callback
+    return (lambda work: work()) if document is None else lambda work: document.add_next_tick_callback(guarded(work))
 
 
 def settler() -> Callable[[Callable[[], None]], object]:
@@ -110,11 +121,35 @@ def _locked(work: Callable[[Any], object]) -> Any:
 
     A click that comes right after a change is handled without the lock, where a figure's data cannot be set.
     """
+    careful = guarded(work)
 
     async def called(event: Any) -> None:
-        work(event)
+        careful(event)
 
     return pn.io.with_lock(called)
+
+
+def tell_faults(tell: Callable[[Exception], None]) -> None:
+    """Let a method of the page that is made now tell what goes wrong in work that is guarded."""
+    if pn.state.curdoc is not None:
+        _TOLD[pn.state.curdoc] = WeakMethod(tell)
+
+
+def guarded(work: Callable[_P, object]) -> Callable[_P, None]:
+    """Return work of which an error is told in the page that asks for it, and in the log; raised without a page."""
+
+    def done(*given: _P.args, **options: _P.kwargs) -> None:
+        try:
+            work(*given, **options)
+        except Exception as error:
+            found = _TOLD.get(pn.state.curdoc) if pn.state.curdoc is not None else None
+            tell = None if found is None else found()
+            if tell is None:
+                raise
+            _LOG.exception("what a person asked for has failed")
+            tell(error)
+
+    return done
 
 
 def html(name: str, text: str = "", margin: tuple[int, ...] = (4, 8), **options: Any) -> Any:

@@ -132,12 +132,18 @@ def test_a_film_is_asked_for(session, asked, toys):
     assert asked == ["film"]
 
 
-def test_a_click_after_the_selected_result_was_dropped_is_told(session, asked, toys):
-    view = actions(session, asked, toys, of="branch1", label="SN1")
-    session.settings.selected = None
-    for name in ("continue", "follow"):
-        press(view.panel, name)
-    assert asked == 2 * ["solution = 'none': must be selected; the one that was is dropped"]
+@pytest.mark.parametrize("now", [None, Place(of="motion1"), Place(of="gone")])
+def test_a_click_after_another_page_has_selected_what_allows_it_not_is_told(session, asked, toys, now):
+    view = actions(session, asked, toys, of="branch1", label="PD1")
+    session.settings.selected = now
+    for button in view._buttons.values():
+        button.clicks += 1
+    selected = "none" if now is None else now.of
+    labels = ["Continue", "Extend", "Switch branch", "Cascade", "Follow locus", "Film"]
+    told = "it has changed since the page was drawn"
+    assert asked == [
+        f"selected solution = {selected!r}: must be one for which {label!r} is offered; {told}" for label in labels
+    ]
 
 
 def test_an_emptied_bound_is_refused(session, asked, toys):

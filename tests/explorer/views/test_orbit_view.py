@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from saltus.explorer import solutions
 from saltus.explorer.views.orbit_view import OrbitView
 
 pytestmark = pytest.mark.usefixtures("heard")
@@ -88,3 +89,13 @@ def test_a_wrong_quantity_is_told_and_draws_nothing(session, lines, toys):
     assert any("__import__" in line for line in lines)
     assert view._sources["portrait"][0].data["xs"] == []
     assert view._sources["series"][0].data["xs"] != []
+
+
+def test_a_motion_of_too_many_steps_is_told_and_not_drawn(session, lines, toys, monkeypatch):
+    monkeypatch.setattr(solutions, "_MOST_STEPS", 5)
+    view = viewed(session, lines, toys, "motion1")
+    assert view._sources["portrait"][0].data["xs"] == []
+    steps = len(session.results["motion1"].step_times)
+    told = f"motion = '{steps} steps': must be of at most 5 steps to be drawn; it is kept"
+    assert lines == [told, told]  # of the portrait and of the series
+    assert "events" in view._readings.object

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.orbits.problem import OrbitProblem
@@ -147,6 +146,8 @@ def passing(problem: OrbitProblem, segment: int, transition: int) -> float:
 
     That is 1 at the segment's end, whose event may be on the same surface.
     """
+    from scipy.optimize import brentq  # 0.3 s of a processor, which few orbits need
+
     system, event, guard = problem.system, np.empty(2), np.empty(1)
 
     def height(place: float) -> float:

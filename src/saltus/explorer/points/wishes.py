@@ -37,10 +37,13 @@ class Wishes:
     def __init__(self, made: figure) -> None:
         from bokeh.models import ColumnDataSource
 
+        from saltus.explorer.widgets import guarded
+
+        take = guarded(self.take)
         self._works: dict[str, Callable[..., object]] = {}
         self.source = ColumnDataSource({"wish": [], "at": []}, name="wishes")
         made.scatter("at", "at", source=self.source, visible=False)
-        self.source.on_change("data", lambda attribute, before, now: self.take(now["wish"]))
+        self.source.on_change("data", lambda attribute, before, now: take(now["wish"]))
 
     def on(self, kind: str, work: Callable[..., object]) -> None:
         """Call a function with what is said after a kind."""

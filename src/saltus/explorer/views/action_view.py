@@ -144,7 +144,7 @@ class ActionView:
             "follow": self._follow,
         }
         for name, work in (works | {"film": film}).items():
-            widgets.on_click(self._buttons[name], _careful(work, tell))
+            widgets.on_click(self._buttons[name], _careful(self._while_offered(name, work), tell))
         self._text = widgets.html("selected", margin=(6, 8, 0, 8))
         first = [self._buttons[name] for name in ("resume", "extend", "switch", "cascade", "film")]
         self._one = widgets.row(self._first.chooser, *self._first.ends, *first, wrap=True)
@@ -154,25 +154,41 @@ class ActionView:
 
     def show(self, told: str) -> None:
         """Show what the selected solution allows, below a line of HTML about it."""
-        choices = self._choices()
         self._text.object = told
-        allowed = {
-            "resume": choices.resume, "extend": choices.resume and bool(self._outwards()),
-            "switch": bool(choices.switch), "cascade": choices.cascade,
-            "follow": choices.follow and bool(self._second.name), "film": choices.film,
-        }  # fmt: skip
+        allowed = self._allowed()
         for name, button in self._buttons.items():
             button.visible = allowed[name]
         self._one.visible = any(allowed.values())
         self._two.visible = allowed["follow"]
+
+    def _allowed(self) -> dict[str, bool]:
+        """Return which buttons are offered for the selected solution."""
+        choices = self._choices()
+        return {
+            "resume": choices.resume, "extend": choices.resume and bool(self._outwards()),
+            "switch": bool(choices.switch), "cascade": choices.cascade,
+            "follow": choices.follow and bool(self._second.name), "film": choices.film,
+        }  # fmt: skip
+
+    def _while_offered(self, name: str, work: Callable[[], None]) -> Callable[[], None]:
+        """Return work that is refused once its button is not offered: a click may come after another selection."""
+
+        def done() -> None:
+            if not self._allowed()[name]:
+                selected = self._session.settings.selected
+                told = "none" if selected is None else selected.of
+                button = f"one for which {self._buttons[name].name!r} is offered"
+                raise InputError("selected solution", told, button, "it has changed since the page was drawn")
+            work()
+
+        return done
 
     def _choices(self) -> Choices:
         return choices_at(self._session.settings.selected, self._session.results, self._films)
 
     def _place(self) -> Place:
         selected = self._session.settings.selected
-        if selected is None:
-            raise InputError("solution", "none", "selected", "the one that was is dropped")
+        assert selected is not None  # of none nothing is offered
         return selected
 
     def _resume(self) -> None:

@@ -61,7 +61,8 @@ class BasinView:
         self._dots = ColumnDataSource({"x": [], "y": [], "name": []})
         self.figure.image_rgba("image", "x", "y", "dw", "dh", source=self._image, name="image")
         self.figure.scatter("x", "y", source=self._dots, size=8, fill_color="#ffffff", line_color="#1b1b1e")
-        self.figure.on_event(Tap, lambda event: self._cell(event.x, event.y))
+        tapped = widgets.guarded(self._cell)
+        self.figure.on_event(Tap, lambda event: tapped(event.x, event.y))
         self._legend = widgets.html("basin-legend")
         first, second = (widgets.row(one, *ends) for one, ends in self._sides())
         self.panel = widgets.column(

@@ -92,9 +92,10 @@ class DiagramView:
         axes = session.settings.axes or default_axes(session.system, next(iter(session.system.parameter_names), "t"))
         session.settings.axes = tuple(axes)
         self._axes = [self._axis(letter, names, axis) for letter, axis in zip("xy", axes, strict=True)]
-        self.figure.on_event(Tap, lambda event: self._clicked(event.x, event.y, (event.sx, event.sy)))
-        self.figure.on_event(RangesUpdate, lambda _: self.name_marks_anew())
-        self.figure.on_change("inner_width", lambda attr, old, new: self.name_marks_anew())
+        clicked, moved = widgets.guarded(self._clicked), widgets.guarded(self.name_marks_anew)
+        self.figure.on_event(Tap, lambda event: clicked(event.x, event.y, (event.sx, event.sy)))
+        self.figure.on_event(RangesUpdate, lambda _: moved())
+        self.figure.on_change("inner_width", lambda attr, old, new: moved())
         self.marks = MarkList()
         shown = widgets.column(widgets.pane(self.figure, high=True), self.marks.panel, name="over", high=True)
         self.panel = widgets.column(widgets.row(*self._axes, wrap=True), shown, high=True)

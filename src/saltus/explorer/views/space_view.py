@@ -144,9 +144,10 @@ class SpaceView:
         turn = CustomJS(args={"tables": list(tables.values()), "view": self._view}, code=_TURN)
         for event in (Pan, PanEnd, Reset):
             made.js_on_event(event, turn)
-        self._view.on_change("data", lambda attribute, before, now: self._turned())
-        made.on_event(RangesUpdate, lambda _: self._turned())
-        made.on_change("inner_width", lambda attribute, before, now: self._turned())
+        turned = widgets.guarded(self._turned)
+        self._view.on_change("data", lambda attribute, before, now: turned())
+        made.on_event(RangesUpdate, lambda _: turned())
+        made.on_change("inner_width", lambda attribute, before, now: turned())
         return tables
 
     def redraw(self) -> None:
