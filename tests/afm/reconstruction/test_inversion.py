@@ -294,3 +294,23 @@ def test_what_no_datum_reaches_is_told():
     unlike = dict.fromkeys(errors, 1e-4)
     with pytest.warns(RuntimeWarning, match="chi2 = .* of 90 data: no smooth force"):
         afm.reconstruct_force(blurred, PROBE, A_nm=10.0, sigma=unlike)
+
+
+@pytest.mark.filterwarnings("ignore:saltus")
+def test_data_whose_sample_would_give_energy_are_refused_or_told():
+    """The lags of a conservative force: sin(lag) is what the lever loses, A/A0 at its natural frequency."""
+    soft, drive = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0), afm.Drive(A0_nm=12.0)
+    lag = 90.0 + 40.0 * np.exp(-GAPS / 2.0)
+    data = {"Zc_nm": GAPS + 12.0, "amplitude_nm": 12.0 * np.sin(np.radians(lag)), "lag_deg": lag}
+    given = (
+        "energy of the drive over the lever's loss = {}: must be between 0.5 and 1000: a sample gives no energy; lags"
+    )
+    for wrong, share in (
+        ({"lag_deg": 90.0 - lag}, "-0.277"),
+        ({"lag_deg": data["amplitude_nm"], "amplitude_nm": lag}, "0.0[12][0-9]*"),
+        ({"amplitude_nm": 1e-9 * data["amplitude_nm"]}, "1000000000.0"),
+    ):
+        with pytest.raises(InputError, match=given.format(share)):
+            afm.reconstruct_force(data | wrong, soft, drive=drive)
+    with pytest.warns(RuntimeWarning, match="the drive gives 0.83 of what the lever loses, and a sample gives none"):
+        afm.reconstruct_force(data, soft, drive=afm.Drive(A0_nm=10.0))

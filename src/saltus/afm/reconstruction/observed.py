@@ -32,7 +32,8 @@ LEAST = 8  # data, at least, of which a force is made
 _LEAST_SPAN = 1e-3  # nm; distances of the data
 _PM_IN_NM = 1e-3
 _LEAST_ERROR = 1e-9  # of a reduced shift, over the greatest one
-_GIVEN = 0.5  # energy that the drive gives, over the lever's loss, below which lags are in another unit
+_GIVEN = 0.5  # energy of the drive over the lever's loss below which the sample would give energy, whatever the errors
+_TAKEN = 1e3  # the same, above which amplitudes are in another unit
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ class Observed:
     k: float  # stiffness of the mode, in N/m
     compliance: float  # of the bent lever, in nm/nN
     changed: NDArray[np.float64]  # changes of the last three by each reading's error, shape (reading, 3, datum)
+    given: float = 1.0  # energy of the drive over the lever's loss
 
     def ordered(self) -> Observed:
         """The data with ascending least gaps."""
@@ -85,13 +87,13 @@ def amplitude_modulation(
     if wrong := np.flatnonzero(columns["amplitude_nm"] <= 0.0).tolist():
         allowed = "above 0, in each row"
         raise InputError("amplitude_nm", float(columns["amplitude_nm"][wrong[0]]), allowed, f"not in row {wrong[0]}")
-    _check_degrees(columns["lag_deg"], columns["amplitude_nm"] * f_kHz / (f0 * Q * length))
+    given = _given(columns["lag_deg"], columns["amplitude_nm"] * f_kHz / (f0 * Q * length))
 
     def reduced(seen: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         A = seen["amplitude_nm"]
         return A, 0.5 * ((f_kHz / f0) ** 2 - 1.0 + length / A * np.cos(np.radians(seen["lag_deg"])))
 
-    return _observed(columns, errors, reduced, probe, mode)
+    return replace(_observed(columns, errors, reduced, probe, mode), given=given)
 
 
 def errors_beside(
@@ -118,10 +120,10 @@ def errors_beside(
     return np.asarray(np.maximum(found, _LEAST_ERROR * float(np.abs(measured).max())))
 
 
-def _check_degrees(lag: NDArray[np.float64], lost: NDArray[np.float64]) -> None:
-    """Raise `InputError` where lags are angles in radians: as degrees they would have the sample give energy.
+def _given(lag: NDArray[np.float64], lost: NDArray[np.float64]) -> float:
+    """Return the energy that the drive gives over what the lever loses, in the median; raise where no sample can be so.
 
-    The drive gives ``sin(lag)`` of its greatest power, and the lever loses `lost` of it.
+    The drive gives ``sin(lag)`` of its greatest power, and the lever loses `lost` of it. A sample takes the rest.
     """
     largest = float(np.abs(lag).max())
     given = float(np.median(np.sin(np.radians(lag)) / lost))
@@ -129,6 +131,12 @@ def _check_degrees(lag: NDArray[np.float64], lost: NDArray[np.float64]) -> None:
         allowed = f"in degrees: with such lags the drive gives {given:.2g} of what the lever loses"
         hint = f"in rad? then it is {math.degrees(largest):.4g} degrees; numpy.degrees converts"
         raise InputError("greatest lag_deg", largest, allowed, hint)
+    if not _GIVEN <= given <= _TAKEN:
+        told = float(f"{given:.3g}")
+        hint = "lags are 90 at f0; are columns, units, phase convention, Q, f_kHz and the drive those of the data?"
+        allowed = f"between {_GIVEN:g} and {_TAKEN:g}: a sample gives no energy"
+        raise InputError("energy of the drive over the lever's loss", told, allowed, hint)
+    return given
 
 
 def _drive_length(drive: Drive, k: float, f0: float, Q: float) -> float:

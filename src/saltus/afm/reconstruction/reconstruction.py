@@ -49,6 +49,7 @@ _BLURRED = 0.15  # error of the gaps, over the least length in which the force c
 _STEP = 0.5  # change of the force between neighbouring gaps, over the greatest force, that is told
 _WIDER = 3.0  # distance of neighbouring gaps over those beside it, from which data are missing there
 _UNLIKELY = 5.0  # standard deviations of chi2 above the number of data that are told
+_GIVES = 0.9  # energy of the drive over the lever's loss below which it is told
 _NO_FORCE = 3.0  # standard errors that the greatest force must have
 _NOISY = 10.0  # standard errors below which the greatest force is told to be uncertain
 
@@ -179,6 +180,9 @@ def _made(observed: Observed, probe: Probe, method: str, errors_given: bool) -> 
         lambda gap: float(np.interp(gap, nearest[order], observed.amplitude[order])),
     )
     messages = _spoken(made, greatest, signal, halved, errors_given)
+    if observed.given < _GIVES:
+        less = f"the drive gives {observed.given:.2g} of what the lever loses"
+        messages.append(f"{less}, and a sample gives none: A0_nm, Q or the phase are others")
     messages += [
         f"ill-posed: the force bends at D = {one.D_nm:.3g} nm with S = {one.S:.2g}, below -1; amplitudes from "
         f"{one.least_nm:.3g} to {one.most_nm:.3g} nm spoil it, and that of the data is {one.A_nm:.3g} nm"
