@@ -191,6 +191,7 @@ def _made(observed: Observed, probe: Probe, method: str, errors_given: bool) -> 
     ]
     for message in messages:
         warnings.warn(f"saltus: {message}", RuntimeWarning, stacklevel=4)
+    messages += _left_out(made, greatest)
     return ReconstructedForce(
         made.gaps, made.force, made.sigma, method, probe.R_nm, observed.k, made.centre, observed.amplitude,
         observed.shift, made.errors, observed.changed, made.chi2, halved, tested, tuple(messages), errors_given,
@@ -207,14 +208,6 @@ def _spoken(made: _Made, greatest: float, signal: float, halved: float, errors_g
     if (cut := abs(made.force[-1]) / greatest) > _CUT:
         messages.append(f"data that end early: at the last gap the force is {100.0 * cut:.2g} %, its fall is assumed")
     steps, apart = np.abs(np.diff(made.force)), np.diff(made.gaps)
-    beside = np.maximum(np.append(apart[1:], np.inf), np.append(np.inf, apart[:-1]))
-    unseen = np.where(apart > _WIDER * beside, steps, 0.0)
-    if unseen.max() > _STEP * greatest:
-        at = int(unseen.argmax())
-        messages.append(
-            f"a gap in the data: none comes as near as D = {made.gaps[at]:.3g} to {made.gaps[at + 1]:.3g} nm, "
-            f"where the force changes by {steps[at]:.3g} nN; there it is taken to be smooth"
-        )
     length = greatest / float(np.max(steps / apart))
     if made.blur > _BLURRED * length:
         messages.append(f"blurred data: errors of gaps are {made.blur:.2g} nm, the force changes in {length:.2g} nm")
@@ -224,6 +217,19 @@ def _spoken(made: _Made, greatest: float, signal: float, halved: float, errors_g
     if made.missed > _MISSED:
         messages.append(f"the averages of this force differ from the data by {100.0 * made.missed:.2g} %")
     return messages
+
+
+def _left_out(made: _Made, greatest: float) -> list[str]:
+    """Return in words where no datum comes as near, as where a motion jumps, though the force changes there."""
+    steps, apart = np.abs(np.diff(made.force)), np.diff(made.gaps)
+    beside = np.maximum(np.append(apart[1:], np.inf), np.append(np.inf, apart[:-1]))
+    unseen = np.where(apart > _WIDER * beside, steps, 0.0)
+    at = int(unseen.argmax())
+    if unseen[at] <= _STEP * greatest:
+        return []
+    near, far = made.gaps[at], made.gaps[at + 1]
+    told = f"none comes as near as D = {near:.3g} to {far:.3g} nm, where the force changes by {steps[at]:.3g} nN"
+    return [f"a gap in the data: {told}; there it is taken to be smooth"]
 
 
 def _inverted(observed: Observed, method: str, errors_given: bool, least: int) -> _Made:
