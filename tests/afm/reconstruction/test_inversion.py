@@ -314,3 +314,12 @@ def test_data_whose_sample_would_give_energy_are_refused_or_told():
             afm.reconstruct_force(data | wrong, soft, drive=drive)
     with pytest.warns(RuntimeWarning, match="the drive gives 0.83 of what the lever loses, and a sample gives none"):
         afm.reconstruct_force(data, soft, drive=afm.Drive(A0_nm=10.0))
+
+
+def test_a_motion_that_no_cosine_describes_is_refused_with_what_goes():
+    """Forces of many nN bend a lever of 0.5 N/m at Q = 3 further than the averages allow."""
+    soft, n = afm.Probe(k_N_m=0.5, f0_kHz=20.0, Q=3.0, R_nm=12.0), np.arange(30)
+    lag = 90.0 + 40.0 * np.sin(2.0 * n) * np.minimum(1.0, n / 10)
+    data = {"Zc_nm": 12.0 - 0.2 * n, "amplitude_nm": 9.0 - 0.02 * n, "lag_deg": lag}
+    with pytest.raises(InputError, match=r"soft lever at a low Q\? afm.fit of a law takes any motion$"):
+        afm.reconstruct_force(data, soft, drive=afm.Drive(A0_nm=10.0), sigma={"amplitude_nm": 0.01, "lag_deg": 0.1})

@@ -28,6 +28,7 @@ __all__ = ["Averages", "LawFit", "fitted_law"]
 _NODES = 240  # angles of half a cycle at which the force is taken
 _ROUNDS = 2  # in which the harmonics of the motion come to rest
 _ROUNDS_OF_ERRORS = 3  # in which errors of the readings come to rest beside the law
+_UNTOLD = 1e-9  # change of the data by unknowns, over the greatest one, that is none
 _STEP = 1e-6  # of differences, over a value
 _OF_GAP = "origin_nm"  # unknown: what is added to all gaps
 _OF_TIP = "R_nm"  # unknown: radius of the tip
@@ -152,12 +153,12 @@ def fitted_law(
 
 
 def _covariance(jacobian: NDArray[np.float64], scales: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the covariance of unknowns, infinite where the data do not tell."""
-    scaled = jacobian * scales
-    try:
-        inverse = np.linalg.inv(scaled.T @ scaled)
-    except np.linalg.LinAlgError:
-        return np.full((len(scales),) * 2, math.inf)
+    """Return the covariance of unknowns: infinite variances of those that the data do not tell."""
+    _, sizes, ways = np.linalg.svd(jacobian * scales, full_matrices=False)
+    told = sizes > _UNTOLD * sizes.max()
+    inverse = (ways[told].T / sizes[told] ** 2) @ ways[told]
+    untold = np.flatnonzero(np.any(np.abs(ways[~told]) > _UNTOLD, axis=0))
+    inverse[untold, untold] = math.inf
     return np.asarray(inverse * np.outer(scales, scales))
 
 

@@ -172,7 +172,9 @@ def _made(observed: Observed, probe: Probe, method: str, errors_given: bool) -> 
     if made.missed > 1.0:
         told = float(f"{made.missed:.3g}")
         allowed = "below 1: the averages of this force are not the data"
-        raise InputError(f"what {method!r} leaves of the data", told, allowed, "method='matrix' takes data with gaps")
+        soft = "is the motion far from a cosine, as of a soft lever at a low Q? afm.fit of a law takes any motion"
+        hint = soft if method == "matrix" else "method='matrix' takes data with gaps"
+        raise InputError(f"what {method!r} leaves of the data", told, allowed, hint)
     tested = inflections(
         made.gaps,
         made.force,
