@@ -189,3 +189,9 @@ def test_what_does_not_go_together_is_refused():
         afm.CalibrationOptions(lever="laser")
     with pytest.raises(InputError, match="give calibrate length_um"):
         afm.calibrate(spectrum(8, "psd_V2_Hz")).probe(R_nm=8.0)
+
+
+def test_white_noise_that_is_not_seen_is_told():
+    told = "no white noise is seen"
+    assert any(told in note for note in afm.calibrate(spectrum(4, "psd_nm2_Hz", white=0.0)).notes)
+    assert not any(told in note for note in afm.calibrate(spectrum(1, "psd_nm2_Hz")).notes)

@@ -360,3 +360,11 @@ def test_progress_tells_orbits_and_motions_that_settle():
     texts = [one.text for one in seen]
     assert "a motion settles at Zc_nm = 8, from rest" in texts
     assert sum(text.startswith("Zc_nm = ") for text in texts) > len(curve) // 2
+
+
+def test_a_start_in_contact_is_in_contact_where_the_base_moves():
+    """The base is 2 nm up when the phase is 0: a tip at a gap of 0 is bent by 2 nm more."""
+    law = afm.DLVO(tip_mC_m2=-20.0, sample_mC_m2=-30.0, debye_nm=3.0, H_aJ=0.01) + afm.DMT(E_GPa=0.01, a0_nm=0.3)
+    wet = afm.Probe(k_N_m=0.8, f0_kHz=24.5, Q=3.5, R_nm=10.0)
+    curve = afm.frequency_curve(afm.model(wet, law, afm.Drive.base(Y_nm=2.0), Zc_nm=8.0), (5.0, 9.0))
+    assert not curve.failures

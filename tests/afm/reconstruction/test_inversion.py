@@ -254,3 +254,72 @@ def test_errors_hold_the_force_beside_a_sharp_bend(noise):
         beside.append(within[np.abs(force.D_nm - 0.3) < 0.25].mean())
     assert np.mean(held) > 0.95
     assert np.mean(beside) > 0.9
+
+
+def noisy_gaps(law, nearest, A, seed, blur=0.03, noise=5e-3):
+    """Shifts of a law with errors of theirs and of the distance, and these errors."""
+    angles = (np.arange(2000) + 0.5) * np.pi / 2000
+    along = law.force_nN(nearest[:, None] + A * (1.0 + np.cos(angles)), R_nm=12.0)
+    whole = shift_data(-(along * np.cos(angles)).mean(axis=1) / (K * A), nearest, A)
+    errors = {"Zc_nm": blur, "shift_Hz": noise * float(np.abs(whole["shift_Hz"]).max())}
+    random = np.random.default_rng(seed)
+    return {k: v + errors.get(k, 0.0) * random.normal(size=len(v)) for k, v in whole.items()}, errors
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_errors_of_gaps_count_where_data_lie_nearer_than_these(seed):
+    """In contact data lie 0.01 nm apart, and distances are known to 0.03 nm."""
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    nearest = np.concatenate([np.linspace(-0.8, -0.5, 31), np.linspace(-0.45, 0.5, 20), np.geomspace(0.55, 8.0, 30)])
+    data, errors = noisy_gaps(law, nearest, 10.0, seed)
+    force = afm.reconstruct_force(data, PROBE, A_nm=10.0, sigma=errors)
+    assert error(force, lambda gap: law.force_nN(gap, R_nm=12.0)) < 0.25
+    assert np.diff(force.D_nm).min() > 0.03
+    guess = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=2.0)
+    found = force.fit(guess, {"H_aJ": (0.01, 1.0), "E_GPa": (0.1, 10.0)})
+    assert abs(found.values["E_GPa"] - 1.5) < 3.0 * found.sigma["E_GPa"] < 0.15
+    assert found.chi2 == pytest.approx(len(nearest), rel=0.5)
+
+
+@pytest.mark.filterwarnings("ignore:saltus")
+def test_what_no_datum_reaches_is_told():
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    nearest = np.concatenate([np.linspace(-0.8, -0.55, 30), np.geomspace(0.12, 8.0, 60)])
+    data, errors = noisy_gaps(law, nearest, 10.0, 0, blur=1e-4, noise=1e-3)
+    (told,) = afm.reconstruct_force(data, PROBE, A_nm=10.0, sigma=errors).messages
+    assert told.startswith("a gap in the data: none comes as near as D = -0.55 to 0.1")
+    blurred, errors = noisy_gaps(law, nearest, 10.0, 0, blur=0.12)
+    with pytest.warns(RuntimeWarning, match="blurred data: errors of gaps are 0.12 nm"):
+        afm.reconstruct_force(blurred, PROBE, A_nm=10.0, sigma=errors)
+    unlike = dict.fromkeys(errors, 1e-4)
+    with pytest.warns(RuntimeWarning, match="chi2 = .* of 90 data: no smooth force"):
+        afm.reconstruct_force(blurred, PROBE, A_nm=10.0, sigma=unlike)
+
+
+@pytest.mark.filterwarnings("ignore:saltus")
+def test_data_whose_sample_would_give_energy_are_refused_or_told():
+    """The lags of a conservative force: sin(lag) is what the lever loses, A/A0 at its natural frequency."""
+    soft, drive = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0), afm.Drive(A0_nm=12.0)
+    lag = 90.0 + 40.0 * np.exp(-GAPS / 2.0)
+    data = {"Zc_nm": GAPS + 12.0, "amplitude_nm": 12.0 * np.sin(np.radians(lag)), "lag_deg": lag}
+    given = (
+        "energy of the drive over the lever's loss = {}: must be between 0.5 and 1000: a sample gives no energy; lags"
+    )
+    for wrong, share in (
+        ({"lag_deg": 90.0 - lag}, "-0.277"),
+        ({"lag_deg": data["amplitude_nm"], "amplitude_nm": lag}, "0.0[12][0-9]*"),
+        ({"amplitude_nm": 1e-9 * data["amplitude_nm"]}, "1000000000.0"),
+    ):
+        with pytest.raises(InputError, match=given.format(share)):
+            afm.reconstruct_force(data | wrong, soft, drive=drive)
+    with pytest.warns(RuntimeWarning, match="the drive gives 0.83 of what the lever loses, and a sample gives none"):
+        afm.reconstruct_force(data, soft, drive=afm.Drive(A0_nm=10.0))
+
+
+def test_a_motion_that_no_cosine_describes_is_refused_with_what_goes():
+    """Forces of many nN bend a lever of 0.5 N/m at Q = 3 further than the averages allow."""
+    soft, n = afm.Probe(k_N_m=0.5, f0_kHz=20.0, Q=3.0, R_nm=12.0), np.arange(30)
+    lag = 90.0 + 40.0 * np.sin(2.0 * n) * np.minimum(1.0, n / 10)
+    data = {"Zc_nm": 12.0 - 0.2 * n, "amplitude_nm": 9.0 - 0.02 * n, "lag_deg": lag}
+    with pytest.raises(InputError, match=r"soft lever at a low Q\? afm.fit of a law takes any motion$"):
+        afm.reconstruct_force(data, soft, drive=afm.Drive(A0_nm=10.0), sigma={"amplitude_nm": 0.01, "lag_deg": 0.1})

@@ -101,6 +101,18 @@ def test_an_origin_and_a_radius_can_be_unknown():
     assert radius.values["R_nm"] == pytest.approx(12.0, rel=0.01)
 
 
+@pytest.mark.filterwarnings("ignore:saltus")
+def test_what_data_do_not_tell_leaves_the_other_errors_finite():
+    """No datum is in contact: the modulus is not told, Hamaker's constant is."""
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3)
+    data = averaged(law, np.geomspace(0.5, 8.0, 60), 5.0)
+    force = afm.reconstruct_force(data, STIFF, A_nm=5.0, sigma={"shift_Hz": 1e-3 * np.abs(data["shift_Hz"]).max()})
+    alone = force.fit(law, {"H_aJ": (0.01, 1.0)})
+    both = force.fit(law + afm.DMT(E_GPa=1.5), {"H_aJ": (0.01, 1.0), "E_GPa": (0.1, 10.0)})
+    assert both.sigma["H_aJ"] == pytest.approx(alone.sigma["H_aJ"], rel=1e-6)
+    assert both.sigma["E_GPa"] == np.inf
+
+
 @pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore:saltus")
 def test_errors_of_a_fit_are_those_of_repeated_noise():

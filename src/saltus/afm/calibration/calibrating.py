@@ -294,6 +294,8 @@ def _notes(
         notes.append(f"{peak.wild} bins are lines or spikes that the noise does not explain, and were left out")
     if peak.misfit > 1.0:
         notes.append("the bins are not those of one oscillator and white noise: give a range_kHz with the peak alone")
+    if not peak.covariance[3, 3]:
+        notes.append("no white noise is seen beside the peak: a wider range_kHz would tell it, and its error")
     width = found["f0_kHz"] / found["Q"] / float(np.median(np.diff(f[peak.used])))
     if width < _FEW:
         notes.append(f"the peak is {width:.2g} bins wide: a window would widen it, and Q would be too small")

@@ -226,11 +226,14 @@ def _starts(system: HybridSystem, parameters: Mapping[str, float], free_x0: NDAr
     starts.append(_Start(f"from the tip drawn back by {drawn[z]:.6g} nm", drawn))
     for mode in system.mode_names[1:2]:
         gaps = np.concatenate([-np.geomspace(_DEEPEST * max(abs(parameters["Zc_nm"]), 1.0), 1e-3, _RESTS), [0.0]])
-        bends = gaps - parameters["Zc_nm"]
+        unbent = float(
+            evaluate(system, "D_nm", np.zeros((1, len(system.all_states))), 1, parameters)[0]
+        )  # a base moves
+        bends = gaps - unbent
         missing = _missing(system, parameters, bends, 1)
         rests = np.flatnonzero((missing[:-1] > 0.0) & (missing[1:] <= 0.0))
         x0 = np.zeros(len(system.states))
-        x0[z] = bends[rests[0]] if rests.size else -parameters["Zc_nm"]
+        x0[z] = bends[rests[0]] if rests.size else -unbent
         starts.append(_Start("from contact", x0, mode))
     return starts
 

@@ -50,12 +50,15 @@ class Grid:
         self.spread = np.vstack([spline(within), tail])
 
 
-def grid_of(nearest: NDArray[np.float64], farthest: float, most: int) -> Grid:
-    """Return the grid of data with given least gaps: its knots are among the gaps, at most so many."""
+def grid_of(nearest: NDArray[np.float64], farthest: float, most: int, blur: float = 0.0) -> Grid:
+    """Return the grid of data with given least gaps: its knots are among the gaps, at most so many.
+
+    Knots are further apart than `blur`, the error of the gaps: data that lie nearer tell no bend between them.
+    """
     found = np.unique(nearest)
     if len(found) > most:
         found = found[np.unique(np.linspace(0, len(found) - 1, most).round().astype(int))]
-    apart = _APART * (found[-1] - found[0])
+    apart = max(_APART * (found[-1] - found[0]), blur)
     kept = [found[0]]
     for gap in found[1:]:
         if gap - kept[-1] > apart:

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from saltus import checks
 from saltus.afm.laws.law import Law
 from saltus.afm.probe.units import NONE_INSISTS, checked
@@ -15,7 +17,6 @@ from saltus.afm.reconstruction.law_fit import Averages, LawFit, fitted_law
 from saltus.result import Result, frozen
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
     from numpy.typing import NDArray
 
@@ -35,6 +36,7 @@ _OF_DATA = {
     "shift": ("", "reduced shift"),
     "shift_sigma": ("", "standard error of the reduced shift"),
 }
+_CHANGED = ("reading", "change", "datum")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,6 +57,9 @@ class ReconstructedForce(Result):
     centre_nm, amplitude_nm, shift, shift_sigma : ndarray, shape (datum,)
         The data by their least gaps: gap in the middle of the oscillation, amplitude, ``-<F z>/(k A**2)`` and its
         standard error.
+    changed : ndarray, shape (reading, 3, datum)
+        Changes of the first three of these by the standard error of each reading. No reading where errors are
+        estimated.
     chi2 : float
         Sum of squares of what is left of `shift`, over its errors.
     halved : float
@@ -88,6 +93,7 @@ class ReconstructedForce(Result):
     amplitude_nm: NDArray[np.float64]
     shift: NDArray[np.float64]
     shift_sigma: NDArray[np.float64]
+    changed: NDArray[np.float64]
     chi2: float
     halved: float
     inflections: tuple[Inflection, ...] = ()
@@ -95,7 +101,7 @@ class ReconstructedForce(Result):
     errors_given: bool = True
 
     def __post_init__(self) -> None:
-        for name in (*_OF_GAPS, *_OF_DATA):
+        for name in (*_OF_GAPS, *_OF_DATA, "changed"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def __len__(self) -> int:
@@ -165,18 +171,20 @@ class ReconstructedForce(Result):
         """
         checks.instance("law", law, Law)
         radius = self.R_nm if R_nm is None else checked("R_nm", R_nm, insists=NONE_INSISTS)
-        data = Averages(self.k_N_m, self.centre_nm, self.amplitude_nm, self.shift, self.shift_sigma, self.errors_given)
+        seen = (self.changed, self.centre_nm, self.amplitude_nm, self.shift, self.shift_sigma)
+        data = Averages(self.k_N_m, *seen, self.errors_given)
         return fitted_law(data, law, vary, D_nm, radius)
 
     def to_xarray(self) -> xr.Dataset:
         """Return the force along ``point`` and the data along ``datum``."""
         from saltus.extras import xr
 
-        data = {
+        data: dict[str, Any] = {
             name: (dim, getattr(self, name), {"units": unit, "long_name": told})
             for dim, names in (("point", _OF_GAPS), ("datum", _OF_DATA))
             for name, (unit, told) in names.items()
         }
+        data["changed"] = (_CHANGED, self.changed, {"long_name": "changes by the error of each reading"})
         table = {f"inflection_{name}": ("inflection", [getattr(one, name) for one in self.inflections])
                  for name in Inflection._fields}  # fmt: skip
         attrs = {name: getattr(self, name) for name in ("method", "R_nm", "k_N_m", "chi2", "halved")}
@@ -188,6 +196,9 @@ class ReconstructedForce(Result):
         held.size("point", least=2)
         columns: dict[str, Any] = {name: held.array(name, ("point",)) for name in _OF_GAPS}
         columns |= {name: held.array(name, ("datum",)) for name in _OF_DATA}
+        count = len(columns["shift"])
+        before = "changed" not in held.dataset.variables  # files of versions that kept the sum of the errors alone
+        columns["changed"] = np.empty((0, 3, count)) if before else held.array("changed", _CHANGED)
         columns |= {name: held.number(name, least=0.0) for name in ("R_nm", "k_N_m", "chi2", "halved")}
         table = [held.array(f"inflection_{name}", ("inflection",), finite=False) for name in Inflection._fields]
         return cls(

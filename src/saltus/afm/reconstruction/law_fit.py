@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,15 +16,19 @@ from saltus.afm.laws.law import Law, Sum
 from saltus.afm.laws.prescribed import ForceTable
 from saltus.afm.probe.units import checked
 from saltus.afm.reconstruction.averages import bent_gaps, cosines
+from saltus.afm.reconstruction.observed import errors_beside
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from scipy.optimize import OptimizeResult
 
 __all__ = ["Averages", "LawFit", "fitted_law"]
 
 _NODES = 240  # angles of half a cycle at which the force is taken
 _ROUNDS = 2  # in which the harmonics of the motion come to rest
+_ROUNDS_OF_ERRORS = 3  # in which errors of the readings come to rest beside the law
+_UNTOLD = 1e-9  # change of the data by unknowns, over the greatest one, that is none
 _STEP = 1e-6  # of differences, over a value
 _OF_GAP = "origin_nm"  # unknown: what is added to all gaps
 _OF_TIP = "R_nm"  # unknown: radius of the tip
@@ -33,6 +38,7 @@ class Averages(NamedTuple):
     """The data that a fit needs."""
 
     k_N_m: float  # stiffness of the mode
+    changed: NDArray[np.float64]  # by the error of each reading: centre, amplitude, shift; none where estimated
     centre_nm: NDArray[np.float64]  # gaps in the middle of the oscillation
     amplitude_nm: NDArray[np.float64]
     shift: NDArray[np.float64]  # reduced shifts
@@ -102,21 +108,30 @@ def fitted_law(
         counts = (nearest >= least) & (nearest <= most)
     if np.count_nonzero(counts) <= len(start):
         raise InputError("D_nm", D_nm, f"a range with more than {len(start)} data", f"{counts.sum()} are within")
-    centre, amplitude = data.centre_nm[counts], data.amplitude_nm[counts]
+    centre, amplitude, measured = data.centre_nm[counts], data.amplitude_nm[counts], data.shift[counts]
     names = list(start)
 
-    def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shifts(
+        x: NDArray[np.float64], centre: NDArray[np.float64], amplitude: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         values = dict(zip(names, x.tolist(), strict=True))
         radius, origin = values.pop(_OF_TIP, R_nm), values.pop(_OF_GAP, 0.0)
         moment = _moments(_with_values(law, values), centre + origin, amplitude, data.k_N_m, radius)
-        found: NDArray[np.float64] = (-moment / (data.k_N_m * amplitude) - data.shift[counts]) / data.shift_sigma[
-            counts
-        ]
-        return found
+        return -moment / (data.k_N_m * amplitude)
+
+    def found_with(errors: NDArray[np.float64], x: NDArray[np.float64]) -> OptimizeResult:
+        return least_squares(
+            lambda x: (shifts(x, centre, amplitude) - measured) / errors,
+            x, bounds=(low, high), x_scale=scales, diff_step=_STEP,
+        )  # fmt: skip
 
     x0 = np.array(list(start.values()))
     scales = np.maximum(np.abs(x0), 1e-3 * (high - low))
-    best = least_squares(residuals, x0, bounds=(low, high), x_scale=scales, diff_step=_STEP)
+    best = found_with(data.shift_sigma[counts], x0)
+    if len(data.changed):
+        for _ in range(_ROUNDS_OF_ERRORS):
+            there = partial(shifts, best.x)
+            best = found_with(errors_beside(there, centre, amplitude, measured, data.changed[..., counts]), best.x)
     chi2 = 2.0 * float(best.cost)
     covariance = _covariance(best.jac, scales)
     if not data.errors_given:
@@ -138,12 +153,12 @@ def fitted_law(
 
 
 def _covariance(jacobian: NDArray[np.float64], scales: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the covariance of unknowns, infinite where the data do not tell."""
-    scaled = jacobian * scales
-    try:
-        inverse = np.linalg.inv(scaled.T @ scaled)
-    except np.linalg.LinAlgError:
-        return np.full((len(scales),) * 2, math.inf)
+    """Return the covariance of unknowns: infinite variances of those that the data do not tell."""
+    _, sizes, ways = np.linalg.svd(jacobian * scales, full_matrices=False)
+    told = sizes > _UNTOLD * sizes.max()
+    inverse = (ways[told].T / sizes[told] ** 2) @ ways[told]
+    untold = np.flatnonzero(np.any(np.abs(ways[~told]) > _UNTOLD, axis=0))
+    inverse[untold, untold] = math.inf
     return np.asarray(inverse * np.outer(scales, scales))
 
 

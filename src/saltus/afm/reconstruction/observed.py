@@ -10,7 +10,7 @@ lag behind a drive, tells the reduced shift ``Omega = -<F z>/(k A**2)``. By the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -26,12 +26,14 @@ if TYPE_CHECKING:
     from saltus.afm.probe.drive import Drive
     from saltus.afm.probe.probe import Probe
 
-__all__ = ["LEAST", "Observed", "amplitude_modulation", "frequency_modulation"]
+__all__ = ["LEAST", "Observed", "amplitude_modulation", "errors_beside", "frequency_modulation"]
 
 LEAST = 8  # data, at least, of which a force is made
 _LEAST_SPAN = 1e-3  # nm; distances of the data
 _PM_IN_NM = 1e-3
-_GIVEN = 0.5  # energy that the drive gives, over the lever's loss, below which lags are in another unit
+_LEAST_ERROR = 1e-9  # of a reduced shift, over the greatest one
+_GIVEN = 0.5  # energy of the drive over the lever's loss below which the sample would give energy, whatever the errors
+_TAKEN = 1e3  # the same, above which amplitudes are in another unit
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,8 @@ class Observed:
     shift: NDArray[np.float64]  # the reduced shift
     k: float  # stiffness of the mode, in N/m
     compliance: float  # of the bent lever, in nm/nN
-    # The same with one reading changed by its standard error: centre, amplitude and reduced shift of each.
-    changed: tuple[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], ...] = ()
+    changed: NDArray[np.float64]  # changes of the last three by each reading's error, shape (reading, 3, datum)
+    given: float = 1.0  # energy of the drive over the lever's loss
 
     def ordered(self) -> Observed:
         """The data with ascending least gaps."""
@@ -56,7 +58,7 @@ class Observed:
             deflection=None if self.deflection is None else self.deflection[order],
             amplitude=self.amplitude[order],
             shift=self.shift[order],
-            changed=tuple((one[order], two[order], three[order]) for one, two, three in self.changed),
+            changed=self.changed[..., order],
         )
 
 
@@ -85,19 +87,43 @@ def amplitude_modulation(
     if wrong := np.flatnonzero(columns["amplitude_nm"] <= 0.0).tolist():
         allowed = "above 0, in each row"
         raise InputError("amplitude_nm", float(columns["amplitude_nm"][wrong[0]]), allowed, f"not in row {wrong[0]}")
-    _check_degrees(columns["lag_deg"], columns["amplitude_nm"] * f_kHz / (f0 * Q * length))
+    given = _given(columns["lag_deg"], columns["amplitude_nm"] * f_kHz / (f0 * Q * length))
 
     def reduced(seen: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         A = seen["amplitude_nm"]
         return A, 0.5 * ((f_kHz / f0) ** 2 - 1.0 + length / A * np.cos(np.radians(seen["lag_deg"])))
 
-    return _observed(columns, errors, reduced, probe, mode)
+    return replace(_observed(columns, errors, reduced, probe, mode), given=given)
 
 
-def _check_degrees(lag: NDArray[np.float64], lost: NDArray[np.float64]) -> None:
-    """Raise `InputError` where lags are angles in radians: as degrees they would have the sample give energy.
+def errors_beside(
+    shift: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]],
+    centre: NDArray[np.float64],
+    amplitude: NDArray[np.float64],
+    measured: NDArray[np.float64],
+    changed: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the standard errors of measured reduced shifts beside those of a force.
 
-    The drive gives ``sin(lag)`` of its greatest power, and the lever loses `lost` of it.
+    An error of an amplitude or a distance moves the datum along the force's shifts: only what is beside them counts.
+
+    Parameters
+    ----------
+    shift : callable
+        Reduced shifts of the force by centre and amplitude.
+    changed : ndarray, shape (reading, 3, datum)
+        Changes of centre, amplitude and measured shift by the error of each reading.
+    """
+    here = shift(centre, amplitude)
+    beside = [told - (shift(centre + moved, amplitude + more) - here) for moved, more, told in changed]
+    found = np.sqrt(np.sum(np.square(beside), axis=0))
+    return np.asarray(np.maximum(found, _LEAST_ERROR * float(np.abs(measured).max())))
+
+
+def _given(lag: NDArray[np.float64], lost: NDArray[np.float64]) -> float:
+    """Return the energy that the drive gives over what the lever loses, in the median; raise where no sample can be so.
+
+    The drive gives ``sin(lag)`` of its greatest power, and the lever loses `lost` of it. A sample takes the rest.
     """
     largest = float(np.abs(lag).max())
     given = float(np.median(np.sin(np.radians(lag)) / lost))
@@ -105,6 +131,12 @@ def _check_degrees(lag: NDArray[np.float64], lost: NDArray[np.float64]) -> None:
         allowed = f"in degrees: with such lags the drive gives {given:.2g} of what the lever loses"
         hint = f"in rad? then it is {math.degrees(largest):.4g} degrees; numpy.degrees converts"
         raise InputError("greatest lag_deg", largest, allowed, hint)
+    if not _GIVEN <= given <= _TAKEN:
+        told = float(f"{given:.3g}")
+        hint = "lags are 90 at f0; are columns, units, phase convention, Q, f_kHz and the drive those of the data?"
+        allowed = f"between {_GIVEN:g} and {_TAKEN:g}: a sample gives no energy"
+        raise InputError("energy of the drive over the lever's loss", told, allowed, hint)
+    return given
 
 
 def _drive_length(drive: Drive, k: float, f0: float, Q: float) -> float:
@@ -170,7 +202,8 @@ def _observed(
     for name, error in errors.items():
         seen = dict(columns) | {name: columns[name] + error}
         moved = (seen["deflection_pm"] - columns["deflection_pm"]) * _PM_IN_NM if bent is not None else 0.0
-        changed.append((seen["Zc_nm"] + moved, *reduced(seen)))
+        other = reduced(seen)
+        changed.append((seen["Zc_nm"] - columns["Zc_nm"] + moved, other[0] - amplitude, other[1] - shift))
     return Observed(
         columns["Zc_nm"],
         None if bent is None else bent * _PM_IN_NM,
@@ -178,5 +211,5 @@ def _observed(
         shift,
         stiffnesses[mode - 1],
         sum(1.0 / k for k in stiffnesses),
-        tuple(changed),
+        np.array(changed).reshape(len(changed), 3, len(shift)),
     ).ordered()

@@ -19,7 +19,13 @@ from saltus.afm.reconstruction.force import ReconstructedForce
 from saltus.afm.reconstruction.formulas import FORMULAS, force_matrix
 from saltus.afm.reconstruction.inflection import inflections
 from saltus.afm.reconstruction.inversion import Estimate, inverted
-from saltus.afm.reconstruction.observed import LEAST, Observed, amplitude_modulation, frequency_modulation
+from saltus.afm.reconstruction.observed import (
+    LEAST,
+    Observed,
+    amplitude_modulation,
+    errors_beside,
+    frequency_modulation,
+)
 from saltus.errors import InputError
 from saltus.fitting.measured import read_table
 from saltus.linear_threads import one_thread
@@ -39,6 +45,11 @@ _FAR = 50.0  # times the greatest gap up to which formulas integrate
 _SPARSE = 0.1  # difference of the force that every other datum tells, over the greatest one, that is told
 _CUT = 0.04  # force at the last gap, over the greatest one, that is told
 _MISSED = 0.2  # difference of the averages of the force from the data that is told
+_BLURRED = 0.15  # error of the gaps, over the least length in which the force changes, that is told
+_STEP = 0.5  # change of the force between neighbouring gaps, over the greatest force, that is told
+_WIDER = 3.0  # distance of neighbouring gaps over those beside it, from which data are missing there
+_UNLIKELY = 5.0  # standard deviations of chi2 above the number of data that are told
+_GIVES = 0.9  # energy of the drive over the lever's loss below which it is told
 _NO_FORCE = 3.0  # standard errors that the greatest force must have
 _NOISY = 10.0  # standard errors below which the greatest force is told to be uncertain
 
@@ -51,6 +62,7 @@ class _Made(NamedTuple):
     sigma: NDArray[np.float64]
     centre: NDArray[np.float64]  # gap in the middle of the oscillation of the bent lever
     errors: NDArray[np.float64]  # of the reduced shifts
+    blur: float  # error of the gaps, in nm
     chi2: float
     missed: float  # what is left of the reduced shifts, over their size
 
@@ -160,22 +172,19 @@ def _made(observed: Observed, probe: Probe, method: str, errors_given: bool) -> 
     if made.missed > 1.0:
         told = float(f"{made.missed:.3g}")
         allowed = "below 1: the averages of this force are not the data"
-        raise InputError(f"what {method!r} leaves of the data", told, allowed, "method='matrix' takes data with gaps")
+        soft = "is the motion far from a cosine, as of a soft lever at a low Q? afm.fit of a law takes any motion"
+        hint = soft if method == "matrix" else "method='matrix' takes data with gaps"
+        raise InputError(f"what {method!r} leaves of the data", told, allowed, hint)
     tested = inflections(
         made.gaps,
         made.force,
         made.sigma,
         lambda gap: float(np.interp(gap, nearest[order], observed.amplitude[order])),
     )
-    messages = []
-    if halved > _SPARSE:
-        messages.append(f"too few data: every other one tells a force that differs by {100.0 * halved:.2g} %")
-    if signal < _NOISY:
-        messages.append(f"noisy data: the greatest force is {signal:.2g} of its standard errors")
-    if (cut := abs(made.force[-1]) / greatest) > _CUT:
-        messages.append(f"data that end early: at the last gap the force is {100.0 * cut:.2g} %, its fall is assumed")
-    if made.missed > _MISSED:
-        messages.append(f"the averages of this force differ from the data by {100.0 * made.missed:.2g} %")
+    messages = _spoken(made, greatest, signal, halved, errors_given)
+    if observed.given < _GIVES:
+        less = f"the drive gives {observed.given:.2g} of what the lever loses"
+        messages.append(f"{less}, and a sample gives none: A0_nm, Q or the phase are others")
     messages += [
         f"ill-posed: the force bends at D = {one.D_nm:.3g} nm with S = {one.S:.2g}, below -1; amplitudes from "
         f"{one.least_nm:.3g} to {one.most_nm:.3g} nm spoil it, and that of the data is {one.A_nm:.3g} nm"
@@ -184,21 +193,56 @@ def _made(observed: Observed, probe: Probe, method: str, errors_given: bool) -> 
     ]
     for message in messages:
         warnings.warn(f"saltus: {message}", RuntimeWarning, stacklevel=4)
+    messages += _left_out(made, greatest)
     return ReconstructedForce(
         made.gaps, made.force, made.sigma, method, probe.R_nm, observed.k, made.centre, observed.amplitude,
-        observed.shift, made.errors, made.chi2, halved, tested, tuple(messages), errors_given,
+        observed.shift, made.errors, observed.changed, made.chi2, halved, tested, tuple(messages), errors_given,
     )  # fmt: skip
+
+
+def _spoken(made: _Made, greatest: float, signal: float, halved: float, errors_given: bool) -> list[str]:
+    """Return what speaks against a force, in words."""
+    messages = []
+    if halved > _SPARSE:
+        messages.append(f"too few data: every other one tells a force that differs by {100.0 * halved:.2g} %")
+    if signal < _NOISY:
+        messages.append(f"noisy data: the greatest force is {signal:.2g} of its standard errors")
+    if (cut := abs(made.force[-1]) / greatest) > _CUT:
+        messages.append(f"data that end early: at the last gap the force is {100.0 * cut:.2g} %, its fall is assumed")
+    steps, apart = np.abs(np.diff(made.force)), np.diff(made.gaps)
+    length = greatest / float(np.max(steps / apart))
+    if made.blur > _BLURRED * length:
+        messages.append(f"blurred data: errors of gaps are {made.blur:.2g} nm, the force changes in {length:.2g} nm")
+    count = len(made.errors)
+    if errors_given and made.chi2 > count + _UNLIKELY * (2.0 * count) ** 0.5:
+        messages.append(f"chi2 = {made.chi2:.4g} of {count} data: no smooth force has these data with such errors")
+    if made.missed > _MISSED:
+        messages.append(f"the averages of this force differ from the data by {100.0 * made.missed:.2g} %")
+    return messages
+
+
+def _left_out(made: _Made, greatest: float) -> list[str]:
+    """Return in words where no datum comes as near, as where a motion jumps, though the force changes there."""
+    steps, apart = np.abs(np.diff(made.force)), np.diff(made.gaps)
+    beside = np.maximum(np.append(apart[1:], np.inf), np.append(np.inf, apart[:-1]))
+    unseen = np.where(apart > _WIDER * beside, steps, 0.0)
+    at = int(unseen.argmax())
+    if unseen[at] <= _STEP * greatest:
+        return []
+    near, far = made.gaps[at], made.gaps[at + 1]
+    told = f"none comes as near as D = {near:.3g} to {far:.3g} nm, where the force changes by {steps[at]:.3g} nN"
+    return [f"a gap in the data: {told}; there it is taken to be smooth"]
 
 
 def _inverted(observed: Observed, method: str, errors_given: bool, least: int) -> _Made:
     """Return the force, after some rounds in which the lever bends under it."""
     bent = observed.deflection
     centre = observed.centre + (0.0 if bent is None else bent)
-    errors = _errors(observed, np.zeros((len(observed.changed), len(centre)))) if errors_given else None
-    wanted = observed.shift
-    for _ in range(_ROUNDS):
+    errors, wanted = None, observed.shift
+    blur = float(np.median(np.sqrt(np.sum((observed.changed[:, 0] - observed.changed[:, 1]) ** 2, axis=0))))
+    for _ in range(_ROUNDS + errors_given):  # errors of gaps are known from the second one on
         nearest = centre - observed.amplitude
-        grid = grid_of(nearest, float((centre + observed.amplitude).max()), _KNOTS)
+        grid = grid_of(nearest, float((centre + observed.amplitude).max()), _KNOTS, blur)
         if len(grid.knots) < least:
             allowed = f"{least} or more, further apart than a thousandth of their range"
             raise InputError("different least gaps", len(grid.knots), allowed)
@@ -213,10 +257,10 @@ def _inverted(observed: Observed, method: str, errors_given: bool, least: int) -
             centre = observed.centre + observed.compliance * (mean @ along)
         wanted = observed.shift - _beyond_harmonic(observed, centre, grid, along)
         if errors_given:
-            errors = _errors(observed, _changes(observed, grid, along, centre - observed.centre))
+            errors = _beside(observed, grid, along, centre)
     known = np.full(len(centre), found.noise) if errors is None else errors
     missed = float(np.linalg.norm(shifts @ along - observed.shift) / np.linalg.norm(observed.shift))
-    return _Made(grid.knots, found.force, found.sigma, centre, known, found.chi2, missed)
+    return _Made(grid.knots, found.force, found.sigma, centre, known, blur, found.chi2, missed)
 
 
 def _beyond_harmonic(
@@ -260,25 +304,16 @@ def _by_formula(
     return Estimate(along, at, sigma, float(known[0]), float(np.sum((left / known) ** 2)))
 
 
-def _changes(
-    observed: Observed, grid: Grid, along: NDArray[np.float64], bent: NDArray[np.float64]
+def _beside(
+    observed: Observed, grid: Grid, along: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return by how much the shifts of a force at places change where readings change by their errors."""
+    """Return the standard errors of the reduced shifts beside those of the force at places."""
 
     def shift(centre: NDArray[np.float64], amplitude: NDArray[np.float64]) -> NDArray[np.float64]:
         found: NDArray[np.float64] = -averages(centre, amplitude, grid)[1] @ along / (observed.k * amplitude)
         return found
 
-    here = shift(observed.centre + bent, observed.amplitude)
-    return np.array([shift(centre + bent, amplitude) - here for centre, amplitude, _ in observed.changed])
-
-
-def _errors(observed: Observed, changes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the standard errors of the reduced shifts: what readings' errors change, less what they explain."""
-    told = [shift - observed.shift for _, _, shift in observed.changed]
-    found = np.sqrt(np.sum((np.array(told) - changes) ** 2, axis=0))
-    least = 1e-9 * float(np.abs(observed.shift).max())
-    return np.asarray(np.maximum(found, least))
+    return errors_beside(shift, centre, observed.amplitude, observed.shift, observed.changed)
 
 
 def _every_other(observed: Observed) -> Observed:
@@ -289,5 +324,5 @@ def _every_other(observed: Observed) -> Observed:
         deflection=None if observed.deflection is None else observed.deflection[::2],
         amplitude=observed.amplitude[::2],
         shift=observed.shift[::2],
-        changed=tuple((one[::2], two[::2], three[::2]) for one, two, three in observed.changed),
+        changed=observed.changed[..., ::2],
     )
