@@ -76,11 +76,11 @@ POINT_TYPES: Mapping[str, PointType] = MappingProxyType(
             "double Neimark-Sacker", "double Neimark-Sacker", "h", _INK, loci=_BOTH, locus="TR", filled=False, size=6.0
         ),
         "SNSN": PointType(
-            "double saddle-node, as by symmetry", "double saddle-node", "8", _INK, loci=_ALL, locus="SN", filled=False,
+            "double saddle-node, as by symmetry", "double saddle-node", "P", _INK, loci=_ALL, locus="SN", filled=False,
             size=6.0,
         ),
         "PDPD": PointType(
-            "double period doubling, as by symmetry", "double period doubling", "8", _BROWN, loci=_BOTH, locus="PD",
+            "double period doubling, as by symmetry", "double period doubling", "P", _BROWN, loci=_BOTH, locus="PD",
             filled=False, size=6.0,
         ),
         "BT": PointType("Bogdanov-Takens", "Bogdanov-Takens", "*", _INK, loci=_REST, locus="HB", size=8.0),
