@@ -81,11 +81,16 @@ def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Calla
     if np.any(_matched(first + (first - before) * (lengths[1] / lengths[0]), last) != last):
         return False  # two values may have changed places
     groups: list[tuple[bool, list[Tested]]] = []
+    near: list[tuple[complex, float]] = []
     for row in zip(before.tolist(), first.tolist(), last.tolist(), strict=True):
         known = [tests([value]) for value in row]
         if all(test.far for test in known):
             continue
-        if max(abs(row[1] - row[0]), abs(row[2] - row[1])) > _MOVED * min(test.scale for test in known):
+        moved = max(abs(row[1] - row[0]), abs(row[2] - row[1]))
+        if any(abs(row[1] - other) <= moved + way and row[1] != other.conjugate() for other, way in near):
+            return False  # which of both is which is not told by where they are
+        near.append((row[1], moved))
+        if moved > _MOVED * min(test.scale for test in known):
             return False
         above, below = {value.imag > 0.0 for value in row}, {value.imag < 0.0 for value in row}
         if len(above) > 1 or len(below) > 1:
