@@ -70,8 +70,8 @@ def tables(part: NDArray[np.float64]) -> NDArray[np.float64]:
     Parameters
     ----------
     part : ndarray, shape (n, 5)
-        Of each component its partner, the entries of the linear part for itself and for the partner, and those of the
-        column and the row of the rest's slopes, as in `saltus.flow.linear_parts.LinearPart`.
+        Of each component its partner, and the entries of the linear part for itself and for the partner. Then those of
+        the column and the row of the rest's slopes, as in `saltus.flow.linear_parts.LinearPart`.
 
     Returns
     -------

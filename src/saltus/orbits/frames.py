@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["PARTS", "Frames", "lawson_steps", "linear_frames", "merged", "pieces"]
+__all__ = ["PARTS", "PIECE", "Frames", "lawson_steps", "linear_frames", "merged", "pieces"]
 
 PARTS = 4  # pieces of the dense output in a step in a frame, at the least
-_PIECE = 0.65  # angle of the fastest states in a piece, in radians, at most
+PIECE = 0.65  # angle of the fastest states in a piece, in radians, at most
 _MOST_PIECES = 100_000  # of a segment
 _LOOKS = 8  # places in a step at which the angle is looked at
 _MERGED = 4  # explicit steps in one of a frame, to begin with
@@ -136,7 +136,7 @@ def pieces(
             ends, share = meshes[i], (np.arange(_LOOKS) + 0.5) / _LOOKS
             length = np.diff(ends)[:, None]
             places = ends[:-1, None] + share * length
-            turns = frames.parts[mode, 3] * lasting * 6.0 * places * (1.0 - places) * length / _PIECE
+            turns = frames.parts[mode, 3] * lasting * 6.0 * places * (1.0 - places) * length / PIECE
             counts = np.append(0.0, np.cumsum(np.maximum(turns, PARTS) / _LOOKS))
             edges = np.append((places - 0.5 * length / _LOOKS).ravel(), 1.0)
             count = min(math.ceil(counts[-1]), _MOST_PIECES)

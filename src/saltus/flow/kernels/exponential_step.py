@@ -34,7 +34,8 @@ class Level(NamedTuple):
     Attributes
     ----------
     numbers : pointer, (3,)
-        The length, the largest answer of w x to a force that is one of Legendre's polynomials of degrees 16 and 17, and 16.
+        The length, and the largest answer of w x to a force that is Legendre's polynomial of degree 16 or 17. The last
+        number is 16.
     gains : pointer, (n,)
         The states' answers at the end to such a force.
     own, other : pointer, (n, 16)

@@ -52,9 +52,10 @@ BESIDE = 2  # steps of the mesh at either end that are taken in the frame, where
 SMOOTH = 2.0  # longest step in the frame, times this rate, in place of those of a length that has tables
 NEAREST = 1.2  # step of a length that has tables, over the mesh's step that it stands for, at most
 LARGEST = 0.7  # error up to which a step of a length that has tables is taken
-UNFIT = 100.0  # error of one whose equations are not solved
 TOLD = 4.0  # error that is told of steps that were not taken, at most
 FITS = 4e-3  # error that is told of a step of the mesh, at most, where shorter ones were taken in its place
+EXPLICIT = 0.25  # longest explicit step in place of steps with a linear part, times this rate
+MOST_PARTS = 1000  # of a step of the mesh; one that needs more has no end, as the errors tell
 SLOW = 12  # sweeps from which a step counts as too long
 LEVELS = exponential.LEVELS
 SHORTEST = exponential.SHORTEST  # shortest and longest exponential step, times this rate
@@ -120,13 +121,13 @@ def _in_frame(segment, sensitive, parts, y, end, tolerances):
 
 @njit(**INNER)
 def _by_force(segment, sensitive, parts, level, y, end, tolerances):
-    """Take a step of a length that has tables from `y` to `end`, as `_in_frame` does."""
+    """Take a step of a length that has tables from `y` to `end`, as `_in_frame` does; inf where it is not solved."""
     outlined()
     n, linear, driven, partners = segment.n, parts.linear, parts.driven, parts.frame.partners
     made = level_at(pointer(parts.tables, level * size_of(n)), n)
     sweeps = solved(segment, linear, made, partners, y, driven, end)
     if sweeps == 0:
-        return UNFIT
+        return math.inf
     followed_states(n, made, partners, y, driven)
     start = y[n - 1], driven.rest[(n - 1) * STATIONS]
     given = made, driven, parts.slopes, partners, start
@@ -241,6 +242,8 @@ def _run(segment, parts, sensitive, lengths, count, total, tolerances, y, end, e
             if level >= 0:
                 length = parts.tables[level * wide]
                 error = _by_force(segment, sensitive, parts, level, y, end, tolerances)
+                if level < 2 and not error < math.inf:
+                    error = -1.0
                 if error > LARGEST and level >= 2:
                     told = max(told, min(error, TOLD))
                     waiting[depth] = waiting[depth + 1] = level - 2
@@ -295,6 +298,41 @@ def _followed(segment, parts, sensitive, mesh, count, tolerances, y, errors):
     return going
 
 
+@njit(**INNER)
+def _parts_of(segment, linear, mesh, step):
+    """Return in how many explicit steps one of the mesh is taken, which resolve what turns or decays."""
+    if not linear[0] > 0.0:
+        return 1
+    turned = linear[3] * abs(span(segment.duration, mesh[step], mesh[step + 1] - mesh[step])) / EXPLICIT
+    return int(turned) + 1 if turned < MOST_PARTS else 1
+
+
+@njit(**INNER)
+def _by_runge_kutta(segment, sensitive, linear, x0, grid, tolerances, y, errors):
+    """Run a segment by explicit steps as `flow` does; where the mode has a linear part, steps of the mesh are too long."""
+    outlined()
+    mesh, count = grid
+    total = 0
+    for step in range(count):
+        total += _parts_of(segment, linear, mesh, step)
+    block = np.empty(2 * total + 1)
+    finer, told, at = pointer(block, 0), pointer(block, total + 1), 0
+    for step in range(count):
+        parts = _parts_of(segment, linear, mesh, step)
+        for k in range(parts):
+            finer[at + k] = mesh[step] + (mesh[step + 1] - mesh[step]) * k / parts
+        at += parts
+    finer[total] = mesh[count]
+    _explicit_flow(segment, sensitive, x0, finer, total, tolerances[0], tolerances[1], y, told)
+    at = 0
+    for step in range(count):
+        errors[step] = told[at]
+        for k in range(_parts_of(segment, linear, mesh, step)):
+            errors[step] = told[at + k] if not told[at + k] <= errors[step] else errors[step]
+        at += _parts_of(segment, linear, mesh, step)
+    keep(block)
+
+
 @cfunc(
     float64(INTEGERS, NUMBERS, INTEGERS, INTEGERS, NUMBERS, float64, NUMBERS, float64, float64, NUMBERS, NUMBERS),
     error_model="numpy",
@@ -329,7 +367,7 @@ def flow(functions, p, sizes, active, x0, duration, mesh, rtol, atol, y, errors)
         keep(partners)
         if plain_steps:
             return 0.0
-    _explicit_flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors)
+    _by_runge_kutta(segment, sensitive, linear, x0, (mesh, count), (rtol, atol), y, errors)
     return 0.0
 
 
