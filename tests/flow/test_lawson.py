@@ -1,4 +1,4 @@
-"""Lawson's steps in the frame of a field's linear part, against closed forms and SciPy."""
+"""Steps of a field's linear part, by exponential collocation and in its frame, against closed forms and SciPy."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm, expm_frechet
 
 from saltus import HybridSystem, Mode
 from saltus.afm import table1, tapping_mode
 from saltus.flow import lawson
+from saltus.flow.exponential import NODES, STAGES, speed, tables
 from saltus.flow.kernels import lawson_segment
 from saltus.flow.linear_parts import linear_part
 
@@ -24,6 +26,17 @@ DENSE = ctypes.CFUNCTYPE(
     ctypes.c_double, POINTER, ctypes.c_int64, ctypes.c_int64, POINTER, ctypes.c_double, POINTER, POINTER,
     ctypes.c_int64, POINTER, POINTER,
 )  # fmt: skip
+CHECK = ctypes.CFUNCTYPE(
+    ctypes.c_double, POINTER, ctypes.c_int64, ctypes.c_int64, POINTER, ctypes.c_double, ctypes.c_double,
+    ctypes.c_double, POINTER, POINTER, ctypes.c_double, ctypes.c_double,
+)  # fmt: skip
+
+
+def addresses(system: HybridSystem, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Addresses of a system's functions, of the linear part of mode 0 and of its tables; the last two arrays."""
+    parts, made = np.zeros((len(system.modes), numbers.size)), tables(numbers[4:].reshape(-1, 5))
+    parts[0] = numbers
+    return np.append(system.compiled.addresses, [parts.ctypes.data, made.ctypes.data]), parts, made
 
 
 def followed(
@@ -31,9 +44,7 @@ def followed(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """State, sensitivities by state and one parameter, and errors of steps, in mode 0."""
     compiled, n = system.compiled, system.compiled.n
-    table = np.zeros((len(system.modes), linear.size))
-    table[0] = linear
-    functions = np.append(compiled.addresses, table.ctypes.data)
+    functions, *_held = addresses(system, linear)
     p = compiled.extended(np.array([system.parameters[name] for name in system.parameter_names]))
     sizes = np.array([0, n, 0, 0, 1, n + 1, steps])
     active = np.array([system.parameter_names.index(parameter)])
@@ -103,7 +114,7 @@ def test_tables_are_exact_for_polynomials() -> None:
 
 
 def test_linear_oscillators_are_those_of_the_variation_of_constants() -> None:
-    """The slow and the fast oscillator, and one that does not turn, in steps of up to 4 radians of the fast one."""
+    """The slow and the fast oscillator, and one that does not turn, in steps of up to 6 radians of the fast one."""
     system, duration, w = oscillators(), 4.0, 1.3
     A = np.zeros((6, 6))
     numbers = np.zeros((7, 5))
@@ -122,7 +133,8 @@ def test_linear_oscillators_are_those_of_the_variation_of_constants() -> None:
         away = exponential(A, duration) @ (start[:6] - response(omega, start[6]))
         return np.append(away + response(omega, start[6] + omega * duration), start[6] + omega * duration)
 
-    x, X, errors = followed(system, np.append([6.0, 1.0, 2.0], numbers.ravel()), x0, duration, 50, "Omega")
+    linear = np.append([6.0, 1.0, 2.0, speed(numbers)], numbers.ravel())
+    x, X, errors = followed(system, linear, x0, duration, 30, "Omega")
     assert np.max(errors) < 5.0
     assert x == pytest.approx(end(w, x0), abs=1e-12)
     assert X[:6, :6] == pytest.approx(exponential(A, duration), abs=1e-12)
@@ -144,7 +156,8 @@ def test_a_cantilever_next_to_the_sample_moves_as_by_scipy(parameter: str) -> No
     part = linear_part(system.compiled, 0, along, p, 6)
     assert part is not None
     assert part.rate == pytest.approx(math.sqrt(307.914), rel=1e-4)
-    assert part.numbers[3:].reshape(-1, 5)[5, :3] == pytest.approx([2.0, -0.025, -307.914122], rel=1e-7)
+    assert part.numbers[2] == 0.0  # q1, whose linear part is the smallest, stands for the gap
+    assert part.numbers[4:].reshape(-1, 5)[5, :3] == pytest.approx([2.0, -0.025, -307.914122], rel=1e-7)
     state, slopes = by_scipy(system, x0, 1.0, parameter)
     x, X, errors = followed(system, part.numbers, x0, 1.0, 40, parameter)
     assert np.max(errors) < 5.0
@@ -172,8 +185,8 @@ def test_dense_output_meets_the_motion() -> None:
     along = x0 + np.outer(0.3 * np.arange(9), np.eye(7)[0] * -0.1 + np.eye(7)[6])
     part = linear_part(compiled, 0, along, p, 6)
     assert part is not None
-    table = np.stack([part.numbers, np.zeros_like(part.numbers)])
-    functions, mesh = np.append(compiled.addresses, table.ctypes.data), np.linspace(0.0, 1.0, steps + 1)
+    functions, *_held = addresses(system, part.numbers)
+    mesh = np.linspace(0.0, 1.0, steps + 1)
     nodes, bends = np.empty((steps + 1, n)), np.empty((steps, 7, n))
     DENSE(lawson_segment.dense.address)(
         functions.ctypes.data, 0, n, p.ctypes.data, 2.0, x0.ctypes.data, mesh.ctypes.data, steps, nodes.ctypes.data,
@@ -199,8 +212,172 @@ def test_a_rest_of_two_functions_has_no_such_steps() -> None:
     numbers = np.zeros((4, 5))
     numbers[:, :3] = [[1, 0.0, 1.0], [0, 0.0, -1.0], [3, 0.0, 1.0], [2, 0.0, -400.0]]
     numbers[[1, 3], 3] = numbers[[0, 2], 4] = 1.0
-    x, X, errors = followed(system, np.append([4.0, 1.0, 2.0], numbers.ravel()), x0, 1.0, 150, "k")
+    x, X, errors = followed(system, np.append([4.0, 1.0, 2.0, speed(numbers)], numbers.ravel()), x0, 1.0, 150, "k")
     state, slopes = by_scipy(system, x0, 1.0, "k")
     assert np.max(errors) < 100.0
     assert x == pytest.approx(state, abs=1e-9)
     assert X[:, [0, 4]] == pytest.approx(slopes, abs=1e-7)
+
+
+PAIRS = {
+    "turns": [[0.0, 1.0], [-900.0, -0.3]],
+    "is overdamped": [[0.0, 1.0], [-2.0, -5.0]],
+    "has one eigenvalue": [[0.0, 1.0], [-4.0, -4.0]],
+    "is free": [[0.0, 1.0], [0.0, 0.0]],
+}
+
+
+def named(row: np.ndarray, n: int) -> dict[str, np.ndarray]:
+    """The tables of one length by the names of `Level`."""
+    nodes = STAGES
+    shapes = {
+        "numbers": (3,), "gains": (n,), "own": (n, nodes), "other": (n, nodes), "end": (n,), "beyond": (n,),
+        "looks": (n, nodes), "pushed": (n, nodes), "closing": (n, nodes), "crossing": (n, nodes),
+        "coupled": (nodes, nodes), "within": (n, nodes, nodes), "beside": (n, nodes, nodes), "seen": (n, nodes, nodes),
+    }  # fmt: skip
+    found, at = {}, 0
+    for name, shape in shapes.items():
+        found[name] = row[at : at + math.prod(shape)].reshape(shape)
+        at += math.prod(shape)
+    assert at == row.size
+    return found
+
+
+@pytest.mark.parametrize("kind", PAIRS)
+def test_answers_to_polynomial_forces_are_those_of_matrix_exponentials(kind: str) -> None:
+    """Powers of time as forces are states of a larger linear system. A fast pair beside makes lengths short or long."""
+    A = np.array(PAIRS[kind])
+    for beside in (40.0, 4e3):
+        part = np.array(
+            [
+                [1, A[0, 0], A[0, 1], 0.2, 1.0],
+                [0, A[1, 1], A[1, 0], 1.0, 0.3],
+                [3, 0.0, 1.0, 0, 0],
+                [2, 0, -beside, 0, 0],
+            ]
+        )
+        made = tables(part)
+        assert np.all(np.diff(made[:, 0]) > 0.0)
+        for row in made[::4]:
+            level, h = named(row, 4), float(row[0])
+            size = 5e-14 * h * math.sqrt(max(np.abs(A).max(), 1.0))
+            assert level["own"][:2, 3] == pytest.approx(np.diag(expm(A * h * NODES[3])), abs=1e-14)
+            for power in (0, 1, 4, 15):
+                values = NODES**power
+                for force in (0, 1):
+                    larger = np.zeros((power + 3, power + 3))
+                    larger[:2, :2] = A
+                    larger[force, 2 + power] = 1.0
+                    larger[np.arange(3, power + 3), np.arange(2, power + 2)] = np.arange(1, power + 1) / h
+                    end, node = (expm(larger * h * c)[:2, 2] for c in (1.0, NODES[9]))
+                    other = 1 - force
+                    assert level["closing"][force] @ values == pytest.approx(end[force], abs=size)
+                    assert level["crossing"][other] @ values == pytest.approx(end[other], abs=size)
+                    assert values @ level["within"][force][:, 9] == pytest.approx(node[force], abs=size)
+                    assert values @ level["beside"][other][:, 9] == pytest.approx(node[other], abs=size)
+                    seen = node[0] + 0.3 * node[1]
+                    assert values @ level["seen"][force][:, 9] == pytest.approx(seen, abs=size)
+            both = 0.2 * level["closing"][0] + level["crossing"][0]
+            assert level["pushed"][0] == pytest.approx(both, abs=1e-15)
+
+
+@pytest.mark.parametrize("steps", [24, 40, 80])
+def test_oscillators_that_a_spring_couples_move_as_by_matrix_exponentials(steps: int) -> None:
+    field = {"x": "v", "v": "-x - 0.1*v - k*(x + y)", "y": "w", "w": "-900*y - 0.3*w - k*(x + y)"}
+    system, duration = HybridSystem(tuple(field), {"k": 2.0}, {"all": Mode(field)}), 3.0
+    numbers = np.zeros((4, 5))
+    numbers[:, :3] = [[1, 0.0, 1.0], [0, -0.1, -1.0], [3, 0.0, 1.0], [2, -0.3, -900.0]]
+    numbers[[1, 3], 3] = numbers[[0, 2], 4] = 1.0
+    A = np.array([[0, 1, 0, 0], [-1, -0.1, 0, 0], [0, 0, 0, 1], [0, 0, -900, -0.3]], dtype=float)
+    spring = np.outer([0.0, -1.0, 0.0, -1.0], [1.0, 0.0, 1.0, 0.0])
+    x0 = np.array([0.5, 0.2, 0.01, -1.0])
+    x, X, errors = followed(
+        system, np.append([4.0, 1.0, 2.0, speed(numbers)], numbers.ravel()), x0, duration, steps, "k"
+    )
+    exact, slope = expm_frechet((A + 2.0 * spring) * duration, spring * duration)
+    sizes = np.array([1.0, 1.0, 1.0 / 30.0, 1.0])
+    assert np.max(errors) < 5.0
+    assert np.abs((x - exact @ x0) / sizes).max() < 1e-12
+    assert np.abs((X[:, :4] - exact) / np.outer(sizes, [1.0, 1.0, 30.0, 1.0])).max() < 1e-12
+    assert np.abs((X[:, 4] - slope @ x0) / sizes).max() < 1e-11
+
+
+def test_steps_fit_the_sensitivities_where_the_state_rests() -> None:
+    field = {"x": "v", "v": "-x - k*(x + y)", "y": "w", "w": "-900*y - k*(x + y)"}
+    system = HybridSystem(tuple(field), {"k": 20.0}, {"all": Mode(field)})
+    numbers = np.zeros((4, 5))
+    numbers[:, :3] = [[1, 0.0, 1.0], [0, 0.0, -1.0], [3, 0.0, 1.0], [2, 0.0, -900.0]]
+    numbers[[1, 3], 3] = numbers[[0, 2], 4] = 1.0
+    A = np.array([[0, 1, 0, 0], [-21, 0, -20, 0], [0, 0, 0, 1], [-20, 0, -920, 0]], dtype=float)
+    linear = np.append([4.0, 1.0, 2.0, speed(numbers)], numbers.ravel())
+    _, X, errors = followed(system, linear, np.zeros(4), 3.0, 3, "k")
+    assert np.max(errors) > 1.0
+    assert np.abs(X[:, :4] - expm(A * 3.0)).max() < 1e-10 * np.abs(X).max()
+
+
+def test_a_second_function_is_seen_where_it_sets_in() -> None:
+    """Steps are then those of Runge and Kutta, far more than the mesh has, as these follow what turns."""
+    later = "k*exp(60*(cos(s) - 1))"
+    field = {"x": "v", "v": "-x - 0.1*(x + y)", "y": "w", "w": f"-400*y - 0.1*(x + y) - {later}*y**3"}
+    numbers = np.zeros((5, 5))
+    numbers[:, 0] = [1, 0, 3, 2, 4]
+    numbers[:4, 1:3] = [[0.0, 1.0], [0.0, -1.0], [0.0, 1.0], [0.0, -400.0]]
+    numbers[[1, 3], 3] = numbers[[0, 2], 4] = 1.0
+    linear, x0 = np.append([4.0, 1.0, 2.0, speed(numbers)], numbers.ravel()), np.array([0.5, 0.2, 0.3, -1.0, -3.0])
+    for k in (0.0, 100.0):
+        system = HybridSystem(tuple(field), {"k": k, "Omega": 3.0}, {"all": Mode(field)}, phase=("s", "Omega"))
+        x, X, _ = followed(system, linear, x0, 1.0, 4, "Omega")
+        state, slopes = by_scipy(system, x0, 1.0, "Omega")
+        assert x == pytest.approx(state, abs=1e-8)
+        assert X[:, [0, 5]] == pytest.approx(slopes, abs=1e-6)
+
+
+def cantilever(modes: int) -> tuple[HybridSystem, np.ndarray, np.ndarray]:
+    """The paper's model, a state a tenth of the gap from contact whose modes all ring, and its linear part."""
+    system, n = tapping_mode(table1(), modes=modes), 2 * modes + 1
+    x0 = np.concatenate([[0.8], 1e-3 * np.cos(np.arange(1.0, modes)), 0.1 * np.sin(np.arange(modes) + 1.0), [1.8]])
+    p = system.compiled.extended(np.array([system.parameters[name] for name in system.parameter_names]))
+    along = x0 + np.outer(0.3 * np.arange(9), np.eye(n)[0] * -0.1 + np.eye(n)[-1])
+    part = linear_part(system.compiled, 0, along, p, 2 * modes)
+    assert part is not None
+    return system, x0, part.numbers
+
+
+@pytest.mark.parametrize("modes", [3, 5, 10])
+def test_many_modes_move_as_by_scipy(modes: int) -> None:
+    system, x0, linear = cantilever(modes)
+    state, slopes = by_scipy(system, x0, 1.0, "Omega")
+    x, X, errors = followed(system, linear, x0, 1.0, 16, "Omega")
+    assert np.max(errors) < 5.0
+    assert x == pytest.approx(state, rel=1e-11, abs=1e-12)
+    assert X[:, [0, -1]] == pytest.approx(slopes, rel=1e-7, abs=1e-9)
+
+
+def test_a_step_that_does_not_fit_is_taken_in_halves() -> None:
+    system, x0, linear = cantilever(5)
+    fine, slopes, _ = followed(system, linear, x0, 2.0, 300, "Omega")
+    x, X, errors = followed(system, linear, x0, 2.0, 5, "Omega")
+    assert 1.0 < np.max(errors) <= 4.0  # the mesh is to be moved
+    assert x == pytest.approx(fine, rel=1e-11, abs=1e-14)
+    assert np.abs(X - slopes).max() < 1e-10 * np.abs(slopes).max()
+
+
+def test_dense_output_is_checked_between_its_stages() -> None:
+    """Pieces of 0.85 radians of the fastest mode pass, also where a state that turns is near 0; longer ones do not."""
+    system, x0, linear = cantilever(5)
+    compiled, n = system.compiled, 11
+    functions, *_held = addresses(system, linear)
+    p = compiled.extended(np.array([system.parameters[name] for name in system.parameter_names]))
+    given = functions.ctypes.data, 0, n, p.ctypes.data, 1.0
+    for steps, passes in ((100, True), (80, False)):
+        mesh = np.linspace(0.0, 1.0, steps + 1)
+        nodes, bends = np.empty((steps + 1, n)), np.empty((steps, 7, n))
+        rest = x0.ctypes.data, mesh.ctypes.data, steps, nodes.ctypes.data, bends.ctypes.data
+        DENSE(lawson_segment.dense.address)(*given, *rest)
+        worst = max(
+            CHECK(lawson_segment.check.address)(
+                *given, mesh[i], mesh[i + 1] - mesh[i], nodes[i].ctypes.data, bends[i].ctypes.data, 1e-12, 1e-16
+            )
+            for i in range(steps)
+        )
+        assert (worst <= 1.0) is passes

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.flow.exponential import speed
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -14,14 +16,16 @@ if TYPE_CHECKING:
 __all__ = ["LinearPart", "linear_part"]
 
 _ONE = 1e-11  # what one function does not explain of the rest's slopes, over the field's largest
+_LARGE = 0.5  # entry of the rest's slopes, over the largest, by which they may be told
 
 
 class LinearPart(NamedTuple):
     """The linear part of a mode's field."""
 
-    # shape (3 + 5 n,): count of the states without the phase; row and column of the entry of the Jacobian by which the
-    # rest's slopes vary; then of each component its partner, itself where it has none, the entries of the linear part
-    # for itself and for the partner, and those of a column and a row whose product, times the entry, are these slopes
+    # shape (4 + 5 n,): count of the states without the phase; row and column of the entry of the Jacobian by which the
+    # rest's slopes vary; rate at which the fastest states turn or decay; then of each component its partner, itself
+    # where it has none, the entries of the linear part for itself and for the partner, and those of a column and a row
+    # whose product, times the entry, are these slopes
     numbers: NDArray[np.float64]
     rate: float  # at which the fastest pair turns, in radians per unit of time
 
@@ -58,7 +62,7 @@ def linear_part(
     partners = np.where(paired, partners, each)
     own = np.zeros((states, states), dtype=np.bool_)
     own[each, each] = own[each, partners] = True
-    found = _rest(jacobians, own)
+    found = _rest(jacobians, middle, own)
     if found is None:
         return None
     linear, place, push, look = found
@@ -68,18 +72,22 @@ def linear_part(
     numbers[:states] = np.stack([partners, linear[each, each], to, push, look], axis=1)
     half = 0.5 * (linear[each, each] - linear[partners, partners])
     curls = np.where(paired, half * half + linear[each, partners] * linear[partners, each], 0.0)
-    return LinearPart(np.append([states, *place], numbers.ravel()), float(np.sqrt(-curls.min(initial=0.0))))
+    rate = float(np.sqrt(-curls.min(initial=0.0)))
+    return LinearPart(np.append([states, *place, speed(numbers)], numbers.ravel()), rate)
 
 
 def _rest(
-    jacobians: NDArray[np.float64], own: NDArray[np.bool_]
+    jacobians: NDArray[np.float64], middle: NDArray[np.float64], own: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], tuple[int, int], NDArray[np.float64], NDArray[np.float64]] | None:
     """Linear part, and the rest's slopes as a factor that varies, an entry, times a column and a row; None without one.
 
     Entries for components and partners vary in proportion to one of the others, which are 0 in the linear part.
     """
     others = np.where(own, 0.0, jacobians)
-    row, column = np.unravel_index(np.argmax(np.abs(others).max(axis=0)), own.shape)
+    sizes = np.abs(others).max(axis=0)
+    # of the state that alone makes up the function's argument, the linear part is to leave little rounding
+    weights = np.where(sizes >= _LARGE * sizes.max(), np.abs(np.where(own, middle, 0.0)).sum(axis=0), np.inf)
+    row, column = np.unravel_index(np.argmin(weights), own.shape)
     factors = others[:, row, column]
     least, most = int(np.argmin(np.abs(factors))), int(np.argmax(np.abs(factors)))
     if factors[least] == factors[most]:

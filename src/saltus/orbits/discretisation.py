@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.orbits.frames import PARTS, linear_frames, split
+from saltus.orbits.frames import linear_frames, merged, pieces
 from saltus.orbits.meshes import FEW, joined, stabilised
 
 if TYPE_CHECKING:
@@ -16,12 +16,15 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from saltus.orbits.frames import Frames
     from saltus.orbits.signature import Survey
     from saltus.system import HybridSystem
 
 __all__ = ["Discretised"]
 
 _MOST_SLIDING = 20_000  # steps of an orbit that slides, beyond which it comes too near to a two-fold
+_MOVES = 4  # of meshes of explicit steps until steps in frames have about equal errors
+_LONGER = 0.05  # change of a duration from which the dense output is laid out anew
 _DISCRETISATION = (
     "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
     "_surface_rows", "begun", "_explicit",
@@ -40,7 +43,7 @@ class Discretised(ABC):
     begun: Survey
     mesh: tuple[NDArray[np.float64], NDArray[np.int64]]  # clustered times, and where each segment's begin
     stiff: bool  # whether steps are implicit
-    linear: NDArray[np.float64] | None  # parts of the modes' fields in whose frames steps are taken
+    linear: Frames | None  # parts of the modes' fields in whose frames steps are taken
     _active: NDArray[np.int64]
     _slides: bool
     _meshes: Any
@@ -49,7 +52,9 @@ class Discretised(ABC):
     _looked: int
     _decays: list[float]
     _dense: tuple[NDArray[np.float64], NDArray[np.float64]]
-    _split: tuple[NDArray[np.float64], tuple[NDArray[np.float64], NDArray[np.int64]]]
+    # mesh and durations that the dense output's meshes were laid out for, and these
+    _split: tuple[NDArray[np.float64], NDArray[np.float64], tuple[NDArray[np.float64], NDArray[np.int64]]]
+    _lasting: NDArray[np.float64]  # shape (segments,): durations at the last survey
     _explicit: tuple[NDArray[np.float64], NDArray[np.int64]]
 
     @abstractmethod
@@ -83,9 +88,12 @@ class Discretised(ABC):
         """The meshes of the dense output: clustered times, and where each segment's begin."""
         if self.linear is None:
             return self.mesh
-        if self._split[0] is not self.mesh[0]:
-            self._split = self.mesh[0], joined(split(self.mesh, self.modes, self.linear, PARTS))
-        return self._split[1]
+        places, lasting, laid = self._split
+        moved = np.abs(lasting - self._lasting) > _LONGER * lasting
+        if places is not self.mesh[0] or np.any(moved):
+            laid = joined(pieces(self.mesh, self.modes, self._lasting, self.linear))
+            self._split = self.mesh[0], self._lasting, laid
+        return laid
 
     def _choose_frames(self, u: NDArray[np.float64], blocks: NDArray[np.float64]) -> None:
         """Go on by steps in the frames of linear parts, where these cost less; loci have none."""
@@ -96,9 +104,11 @@ class Discretised(ABC):
         durations = np.abs(blocks[:, self.n])
         linear = linear_frames(self.system, self.modes, durations, (starts, nodes), self.extended)
         if linear is not None:
-            meshes = split(self.mesh, self.modes, linear, 1.0 / PARTS)
-            self.linear = linear
-            self._use(*joined(meshes))
+            self.linear, self._lasting = linear, durations
+            self._use(*joined(merged(self.mesh, self.modes, linear)))
+            for _ in range(_MOVES):
+                self.evaluate(u)
+                self._move(0.0)
             self.begun = self.survey(u)
 
     @contextmanager

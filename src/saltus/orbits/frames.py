@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.flow.exponential import tables
 from saltus.flow.linear_parts import linear_part
 
 if TYPE_CHECKING:
@@ -15,14 +16,32 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["PARTS", "lawson_steps", "linear_frames", "split"]
+__all__ = ["PARTS", "PIECE", "Frames", "lawson_steps", "linear_frames", "merged", "pieces"]
 
-PARTS = 4  # pieces of the dense output in a step in a frame
+PARTS = 4  # pieces of the dense output in a step in a frame, at the least
+PIECE = 0.65  # angle of the fastest states in a piece, in radians, at most
+_MOST_PIECES = 100_000  # of a segment
+_LOOKS = 8  # places in a step at which the angle is looked at
+_MERGED = 4  # explicit steps in one of a frame, to begin with
 _TURNS = 60.0  # angle of the fastest pair along a segment, in radians, from which its frame is worth the search
 _DEARER = 2.0  # time of a step in a frame, over that of an explicit one
 _ANGLE = 2.0  # of the fastest pair in a step, as is to be expected, in radians
 _OTHERS = 40  # steps that other terms take
 _SAMPLES = 33  # states of an orbit, in each mode, along which its linear part is sought
+
+
+class Frames(NamedTuple):
+    """The linear parts of a system's modes."""
+
+    # shape (modes, 4 + 5 n): `LinearPart.numbers`, zeros of modes that have none
+    parts: NDArray[np.float64]
+    # shape (modes, LEVELS, numbers): `saltus.flow.exponential.tables`
+    tables: NDArray[np.float64]
+
+    @property
+    def addresses(self) -> list[int]:
+        """Where the two arrays begin."""
+        return [self.parts.ctypes.data, self.tables.ctypes.data]
 
 
 def linear_frames(
@@ -31,8 +50,8 @@ def linear_frames(
     durations: NDArray[np.float64],
     dense: tuple[NDArray[np.int64], NDArray[np.float64]],
     p: NDArray[np.float64],
-) -> NDArray[np.float64] | None:
-    """Return the linear part of each mode in a row, zeros where explicit steps cost less; None if they all do.
+) -> Frames | None:
+    """Return the linear parts of the modes, none where explicit steps cost less; None if they all do.
 
     Parameters
     ----------
@@ -65,27 +84,26 @@ def linear_frames(
             rows[mode] = part.numbers
     if not rows:
         return None
-    linear = np.zeros((len(system.modes), len(next(iter(rows.values())))))
+    made = {mode: tables(numbers[4:].reshape(-1, 5)) for mode, numbers in rows.items()}
+    shapes = next(iter(rows.values())).shape, next(iter(made.values())).shape
+    parts, laid = (np.zeros((len(system.modes), *shape)) for shape in shapes)
     for mode, numbers in rows.items():
-        linear[mode] = numbers
-    return linear
+        parts[mode], laid[mode] = numbers, made[mode]
+    return Frames(parts, laid)
 
 
 @cache
 def lawson_steps() -> NDArray[np.int64]:
-    """Return addresses of the flow in frames, its dense output, and neither its variations nor a check, shape (4,)."""
+    """Return addresses of the flow in frames, its dense output, none of its variations, and its check, shape (4,)."""
     from saltus.flow.kernels import lawson_segment as kernels
 
-    return np.array([kernels.flow.address, kernels.dense.address, 0, 0])
+    return np.array([kernels.flow.address, kernels.dense.address, 0, kernels.check.address])
 
 
-def split(
-    mesh: tuple[NDArray[np.float64], NDArray[np.int64]],
-    modes: NDArray[np.int64],
-    linear: NDArray[np.float64],
-    parts: float,
+def merged(
+    mesh: tuple[NDArray[np.float64], NDArray[np.int64]], modes: NDArray[np.int64], frames: Frames
 ) -> list[NDArray[np.float64]]:
-    """Return the segments' meshes with each step in a frame in some pieces, for dense output, or some steps in one.
+    """Return the segments' meshes with some explicit steps in one where steps will be those of a frame.
 
     Parameters
     ----------
@@ -93,15 +111,35 @@ def split(
         All segments' clustered times, and where each begins.
     modes : ndarray of int64, shape (segments,)
         Where the segments run.
-    linear : ndarray
-        What `linear_frames` returns.
-    parts : float
-        Pieces of a step.
+    frames : Frames
+        The linear parts.
     """
     meshes = np.split(mesh[0], mesh[1][1:-1])
     for i, mode in enumerate(modes.tolist()):
-        if linear[mode, 0] > 0.0:
+        if frames.parts[mode, 0] > 0.0:
             steps = meshes[i].size - 1
-            pieces = max(math.ceil(parts * steps), 1)
-            meshes[i] = np.interp(np.linspace(0.0, steps, pieces + 1), np.arange(steps + 1), meshes[i])
+            fewer = max(math.ceil(steps / _MERGED), 1)
+            meshes[i] = np.interp(np.linspace(0.0, steps, fewer + 1), np.arange(steps + 1), meshes[i])
+    return meshes
+
+
+def pieces(
+    mesh: tuple[NDArray[np.float64], NDArray[np.int64]],
+    modes: NDArray[np.int64],
+    durations: NDArray[np.float64],
+    frames: Frames,
+) -> list[NDArray[np.float64]]:
+    """Return the meshes of the dense output, whose pieces resolve what turns in a frame; arguments as of `merged`."""
+    meshes = np.split(mesh[0], mesh[1][1:-1])
+    for i, (mode, lasting) in enumerate(zip(modes.tolist(), np.abs(durations).tolist(), strict=True)):
+        if frames.parts[mode, 0] > 0.0:
+            ends, share = meshes[i], (np.arange(_LOOKS) + 0.5) / _LOOKS
+            length = np.diff(ends)[:, None]
+            places = ends[:-1, None] + share * length
+            turns = frames.parts[mode, 3] * lasting * 6.0 * places * (1.0 - places) * length / PIECE
+            counts = np.append(0.0, np.cumsum(np.maximum(turns, PARTS) / _LOOKS))
+            edges = np.append((places - 0.5 * length / _LOOKS).ravel(), 1.0)
+            count = min(math.ceil(counts[-1]), _MOST_PIECES)
+            meshes[i] = np.interp(np.linspace(0.0, counts[-1], count + 1), counts, edges)
+            meshes[i][[0, -1]] = 0.0, 1.0
     return meshes

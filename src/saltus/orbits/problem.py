@@ -117,7 +117,8 @@ class OrbitProblem(Discretised):
         self._events, self._directions = tuple(events), events.directions
         self.mesh = np.zeros(0), np.zeros(self.segments + 1, dtype=np.int64)
         self._dense = np.empty(0), np.empty(0)
-        self._split = np.zeros(0), self.mesh
+        self._lasting = np.ones(self.segments)
+        self._split = np.zeros(0), self._lasting, self.mesh
         self._explicit = self.mesh
         self._decays = [0.0] * self.segments
         self._errors = np.zeros(0)
@@ -126,7 +127,7 @@ class OrbitProblem(Discretised):
     def record(self) -> tuple[Any, ...]:
         """The fields of `Orbit`, for kernels."""
         if self.linear is not None:
-            functions = np.append(self._functions[:-1], self.linear.ctypes.data)
+            functions = np.append(self._functions[:-1], self.linear.addresses)
             return (functions, *self._orbit[1:-1], lawson_steps())
         return (*self._orbit[:-1], implicit_steps()) if self.stiff else self._orbit
 
@@ -346,7 +347,7 @@ class OrbitProblem(Discretised):
         self.set_parameters(u)
         gradient = np.zeros(u.size)
         errors = np.empty_like(self._errors)
-        value = self.equations.rate(self.record, self.mesh, segment, u, gradient, errors)
+        value = self.equations.rate(self.record, self.mesh, segment, (self.tol, self._atol), u, gradient, errors)
         return float(value), gradient
 
     def distance(self, u: NDArray[np.float64], segment: int, transition: int) -> tuple[float, NDArray[np.float64]]:
@@ -370,6 +371,8 @@ class OrbitProblem(Discretised):
     def survey(self, u: NDArray[np.float64]) -> Survey:
         """Return what a dense look at the orbit `u` shows."""
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
+        if self.linear is not None and np.all(np.isfinite(u)):
+            self._lasting = np.abs(u[self.n : self.size : self.n + 1])
         found = room_for(self.n, quantities, self.segments, transitions)
         faults = self._surveys.survey(
             self.record, self._events, self.surveyed, self._curve(), (self.tol, self._atol), self.state_scale, u, found

@@ -22,7 +22,7 @@ C = lawson.NODES
 B = lawson.WEIGHTS
 A = lawson.WITHIN.T.ravel()  # of each node, its weights in all integrals
 TAILS = lawson.TAILS.ravel()
-HEAD = 3  # numbers at the head of a linear part
+HEAD = 4  # numbers at the head of a linear part
 EACH = 5  # numbers of a linear part for each component
 SWEEPS = 30  # of the stages' equations, at most
 SOLVED = 1e-14  # change of a stage in a sweep, over the state's size, behind which the next one is rounding
@@ -163,19 +163,38 @@ def _series(curl, times, count, c, s):
 
 
 @njit(**INNER)
-def set_frame(segment, linear, s, h, frame, work):
-    """Write the times of a step's nodes and the frame there; return the step times the frame's fastest rate.
+def clustered(duration, s, h, frame):
+    """Write the times of the nodes of a step in clustered time."""
+    for i in range(STAGES + 1):
+        d = h if i == STAGES else C[i] * h
+        frame.times[i] = span(duration, s, d)
+        if i < STAGES:
+            frame.rates[i] = h * duration * 6.0 * (s + d) * (1.0 - s - d)
+
+
+@njit(**INNER)
+def plain(h, frame):
+    """Write the times of the nodes of a step in time."""
+    for i in range(STAGES):
+        frame.times[i], frame.rates[i] = C[i] * h, h
+    frame.times[STAGES] = h
+
+
+@njit(**INNER)
+def span(duration, s, h):
+    """Return how long a step in clustered time lasts."""
+    return duration * h * (6.0 * s * (1.0 - s) + h * (3.0 - 6.0 * s - 2.0 * h))
+
+
+@njit(**INNER)
+def set_frame(n, linear, frame, work):
+    """Write the frame at a step's nodes, whose times are set.
 
     work: (4 n + 36,).
     """
     outlined()
-    n, duration, fastest, before = segment.n, segment.duration, 0.0, math.inf
-    for i in range(STAGES + 1):
-        d = h if i == STAGES else C[i] * h
-        frame.times[i] = duration * d * (6.0 * s * (1.0 - s) + d * (3.0 - 6.0 * s - 2.0 * d))
-        if i < STAGES:
-            frame.rates[i] = h * duration * 6.0 * (s + d) * (1.0 - s - d)
-    whole, c, z, grown, shrunk = frame.times[STAGES], work, pointer(work, 9), pointer(work, 18), pointer(work, 27)
+    before = math.inf
+    c, z, grown, shrunk = work, pointer(work, 9), pointer(work, 18), pointer(work, 27)
     for e in range(n):
         law = pointer(linear, HEAD + EACH * e)
         partner, diagonal, to = int(law[0]), law[1], law[2]
@@ -184,7 +203,6 @@ def set_frame(segment, linear, s, h, frame, work):
         law = pointer(linear, HEAD + EACH * partner)
         mean, half, link = 0.5 * (diagonal + law[1]), 0.5 * (diagonal - law[1]), law[2]
         curl = half * half + to * link
-        fastest = max(fastest, (abs(mean) + math.sqrt(abs(curl))) * whole)
         _series(curl, frame.times, STAGES + 1, c, z)
         if mean != before:
             before = mean
@@ -207,7 +225,6 @@ def set_frame(segment, linear, s, h, frame, work):
                 frame.across[over + i] = -shrunk[i] * link * z[i]
             frame.end[partner] = grown[STAGES] * (c[STAGES] - half * z[STAGES])
             frame.beyond[partner] = grown[STAGES] * link * z[STAGES]
-    return fastest
 
 
 @njit(**INNER)
@@ -256,8 +273,11 @@ def _rest_at(segment, linear, x, node, apart_by, frame, values, out):
 
 
 @njit(**INNER)
-def taken(segment, linear, x, frame, stages, x_end):
-    """Solve the equations of a step from `x`, (n,), whose frame is set; return the sweeps, 0 where it is not solved."""
+def taken(segment, linear, x, frame, stages, x_end, enough):
+    """Solve the equations of a step from `x`, (n,), whose frame is set; return the sweeps, 0 where it is not solved.
+
+    enough: change of the stages in the next sweep, as it is to be expected, that is none.
+    """
     outlined()
     n, kicks, sums, rest, points, states = (
         segment.n,
@@ -300,7 +320,8 @@ def taken(segment, linear, x, frame, stages, x_end):
                 return 0
             if moved > 0.0:
                 change = max(change, moved / (size + 1e-300))
-        if change <= SOLVED or (change <= STALLED and change > 0.3 * before):
+        next_one = change * (min(change / before, 1.0) if sweep > 1 else 1.0)
+        if change <= SOLVED or next_one <= enough or (change <= STALLED and change > 0.3 * before):
             whole(n, frame, kicks, x, x_end)
             return sweep
         before = change

@@ -146,7 +146,7 @@ def _times(n, columns, matrix, before, out):
 
 
 @njit(**INNER)
-def _largest(values, count):
+def largest(values, count):
     """Return the largest size of some values."""
     largest = 0.0
     for i in range(count):
@@ -171,8 +171,8 @@ def propagated(segment, linear, sensitive, before, out, rtol, parts):
         for i in range(STAGES):
             stages.sums[i] = varied.pushes[at + i] * varied.looks[over + i]
             stages.rest[i] = varied.pushes[at + i] * varied.looks[at + i]
-        rough = max(rough, tail(stages.sums) * _largest(pointer(before, frame.partners[e] * columns), columns))
-        rough = max(rough, tail(stages.rest) * _largest(pointer(before, e * columns), columns))
+        rough = max(rough, tail(stages.sums) * largest(pointer(before, frame.partners[e] * columns), columns))
+        rough = max(rough, tail(stages.rest) * largest(pointer(before, e * columns), columns))
     for e in range(n):
         nothing[e] = 0.0
     if own < n:
@@ -181,7 +181,7 @@ def propagated(segment, linear, sensitive, before, out, rtol, parts):
                 stages.rest[e * STAGES + i] = frame.rates[i] * varied.slopes[e * STAGES + i]
         framed(n, frame.partners, frame.back, frame.across, stages.rest, varied.forced)
         _forced(n, frame, stages, varied, nothing)
-        size = _largest(pointer(before, own * columns), columns)
+        size = largest(pointer(before, own * columns), columns)
         for e in range(own):
             matrix[e * n + own] = varied.more[e]
             rough = max(rough, size * tail(pointer(varied.forced, e * STAGES)))
@@ -198,5 +198,4 @@ def propagated(segment, linear, sensitive, before, out, rtol, parts):
         for e in range(n):
             out[e * columns + n + k] += varied.more[e]
             rough = max(rough, tail(pointer(varied.forced, e * STAGES)))
-    largest = _largest(out, n * columns)
-    return rough / (VARIED * rtol * largest + 1e-300) if rtol > 0.0 else 0.0
+    return rough / (VARIED * rtol * largest(out, n * columns) + 1e-300) if rtol > 0.0 else 0.0

@@ -307,7 +307,7 @@ def starting_flow(functions, modes, u, m, active, scales, p, slope):
 
 
 @njit(cache=True, error_model="numpy")
-def rate(orbit, mesh, segment, u, gradient, errors):
+def rate(orbit, mesh, segment, tolerances, u, gradient, errors):
     """Return the Lie derivative of a segment's event function at its end; its gradient, (m + active,), is written."""
     orbit, mesh = Orbit(*orbit), Mesh(*mesh)
     system, n, n_active, first = pointed(orbit), orbit.n, orbit.active.size, mesh.starts[segment]
@@ -318,7 +318,7 @@ def rate(orbit, mesh, segment, u, gradient, errors):
     y, block = np.empty(n * (1 + columns)), np.empty(4 * n + 4)
     end, line, count = pointer(y, 0), pointer(gradient, 0), mesh.starts[segment + 1] - first - 1
     places, errors = pointer(mesh.places, first), pointer(errors, first)
-    _sweep(system, piece, pointer(u, 0), places, count, (0.0, 1.0), end, errors)
+    _sweep(system, piece, pointer(u, 0), places, count, tolerances, end, errors)
     ev, f = pointer(block, 0), pointer(block, 2 * n + 2)
     call(functions[EVENT_X], transition, 0, end, 0, p, ev, 0)
     call(functions[FIELD], mode, 0, end, 0, p, f, 0)
