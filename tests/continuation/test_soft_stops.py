@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import saltus
+from selection import guarding
 
 # Beyond x = d a spring of the power 3/2 acts, with a damper, and with one that grows like the contact's radius.
 STOP = saltus.HybridSystem(
@@ -70,3 +72,67 @@ def test_grazings_of_a_soft_stop_lie_on_the_resonance_curve(e: float, q: float) 
     assert d == pytest.approx(1.0 / np.sqrt((1.0 - w * w) ** 2 + 0.01 * w * w), rel=1e-9)
     assert sorted((w[0], w[-1])) == pytest.approx([0.8, 1.2])
     assert [point.type for point in locus.special_points] == ["TP"]
+
+
+@pytest.mark.parametrize("fewer_first", [True, False])
+@pytest.mark.parametrize(("e", "q"), [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+def test_multipliers_at_a_grazing_are_those_without_the_stop(e: float, q: float, fewer_first: bool) -> None:
+    start = {"d": 12.0 if fewer_first else 8.0, "e": e, "q": q}
+    branch = saltus.continue_orbit(saltus.find_orbit(STOP, start, [0.0, 0.0]), "d", (8.0, 12.0))
+    assert [point.type for point in branch.special_points] == ["GR"]
+    at = int(np.argmin(np.abs(branch.values - branch["GR1"].value("d"))))
+    own = np.exp(2.0 * math.pi * np.roots([1.0, 0.1, 1.0]))
+    for found in (branch.multipliers[at], branch.solution(at).multipliers, branch["GR1"].orbit.multipliers):
+        assert np.sort_complex(found) == pytest.approx(np.sort_complex(own), abs=1e-9)
+    assert branch.stable[at]
+
+
+def on_a_spring(k: float, zeta: float, w: float) -> tuple[saltus.HybridSystem, float]:
+    """An oscillator beside a spring at x = 1, and the drive at which it grazes."""
+    free = {"x": "v", "v": "-x - 2*zeta*v + A*cos(s)"}
+    system = saltus.HybridSystem(
+        ("x", "v"),
+        {"A": 1.0, "zeta": zeta, "w": w, "k": k},
+        {"free": saltus.Mode(free), "in": saltus.Mode({**free, "v": free["v"] + " - k*(x - 1)"})},
+        [saltus.Transition("free", "in", "x - 1", 1), saltus.Transition("in", "free", "x - 1", -1)],
+        phase=("s", "w"),
+    )
+    return system, math.hypot(1.0 - w * w, 2.0 * zeta * w)
+
+
+def piecewise_linear(orbit: saltus.PeriodicOrbit) -> np.ndarray:
+    """Multipliers from exponentials of the segments' matrices."""
+    p, M = orbit.parameters, np.eye(2)
+    for part in orbit.segments:
+        stiffness = 1.0 + (p["k"] if part.mode == "in" else 0.0)
+        M = expm(part.duration * np.array([[0.0, 1.0], [-stiffness, -2.0 * p["zeta"]]])) @ M
+    return np.asarray(np.linalg.eigvals(M))
+
+
+@pytest.mark.parametrize(
+    ("k", "zeta", "w", "apart"),
+    guarding(
+        [
+            (10.0, 0.06, 2.02, 5.6e-3), (100.0, 0.03, 2.06, 1.8e-6), (1e3, 0.03, 2.03, 2.7e-8),
+            (1e3, 0.06, 2.06, 1.0e-7), (1e4, 0.03, 2.03, 2.7e-10), (1e4, 0.06, 2.06, 1.0e-9),
+        ],
+        (1e4, 0.03, 2.03, 2.7e-10),
+    ),
+)  # fmt: skip
+def test_a_doubling_next_to_a_grazing_is_found_from_both_sides(k: float, zeta: float, w: float, apart: float) -> None:
+    system, drive = on_a_spring(k, zeta, w)
+    bounds = 0.5 * drive, 1.3 * drive
+    up = saltus.continue_orbit(saltus.find_orbit(system, {"A": 0.9 * drive}, [0.0, 0.0]), "A", bounds)
+    down = saltus.continue_orbit(up.solution(-1), "A", bounds)
+    for branch in (up, down):
+        assert [point.type for point in branch.special_points] == ["GR", "PD", "PD"]
+        grazing, near, far = (point.value("A") / drive for point in branch.special_points)
+        assert grazing == pytest.approx(1.0, abs=2e-12)
+        assert near - grazing == pytest.approx(apart, rel=0.05)
+        assert far == pytest.approx(up["PD2"].value("A") / drive, rel=1e-10)
+        for point in branch.special_points.of_type("PD"):
+            assert np.abs(piecewise_linear(point.orbit) + 1.0).min() < 1e-6
+        for i in range(len(branch)):
+            counted = int(np.sum(np.abs(piecewise_linear(branch.solution(i))) > 1.0))
+            critical = np.abs(branch.values[i] / drive - [grazing, near, far]).min() < 1e-12
+            assert critical or branch.stable[i] == (counted == 0)

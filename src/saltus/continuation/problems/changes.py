@@ -1,4 +1,4 @@
-"""The type of the special point at which the signature of an orbit changes."""
+"""The type of the special point at which the signature of an orbit changes, and the multipliers of the orbit there."""
 
 from __future__ import annotations
 
@@ -7,15 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.problems.grazing import Neighbour, vanishing
+from saltus.continuation.problems.grazing import Neighbour, neighbour, vanishing
+from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.stability.floquet import multipliers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["type_of_change"]
+__all__ = ["limits_of_multipliers", "passes_smoothly", "type_of_change"]
 
 _SLOW = 1e-6  # velocity at which an event is met, over that of a motion across the state's size in a period, at a GR
+_EQUAL = 1e-9  # difference of two fields, over their sizes, up to which they are one
 
 
 def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], found: Neighbour | str) -> str:
@@ -53,6 +56,52 @@ def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float6
     if before or after:
         return "SS"
     return "GR" if (touches or _meets_without_velocity(problem, monitor, u)) and around[1] == around[2] else "BC"
+
+
+def limits_of_multipliers(
+    problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]
+) -> NDArray[np.complex128] | None:
+    """Return the multipliers at a grazing where a segment vanishes, shape (states,); None where they have no limits.
+
+    They have limits where the field is continuous on the surface and no reset moves the state: those of the orbit
+    without the segment. The segment's own saltations are quotients of rounding there.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        Equations of the signature with the segment.
+    monitor : Monitor
+        The monitor function that vanishes.
+    u : ndarray, shape (size + 1,)
+        Unknowns of the orbit, and the parameter.
+    """
+    if monitor.kind not in ("duration", "rate"):
+        return None
+    problem, u = whole(problem, u)
+    blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
+    born = vanishing(problem, blocks, monitor.segment) if monitor.kind == "rate" else monitor
+    if born.kind != "duration" or not passes_smoothly(problem, u, born.segment):
+        return None
+    found = neighbour(problem, born, u)
+    if isinstance(found, str) or len(found.signature) >= problem.segments:
+        return None
+    fewer = OrbitProblem(
+        problem.system, found.signature, problem.parameters_at(u), problem.active, problem.scales, problem.tol
+    )  # fmt: skip
+    fewer.start(found.u)
+    return multipliers(fewer, found.u, fewer.resolve(found.u)[1])
+
+
+def passes_smoothly(problem: OrbitProblem, u: NDArray[np.float64], segment: int) -> bool:
+    """Return whether no reset moves the state around a segment without length, and the fields there are one."""
+    system, signature, n = problem.system, problem.signature, problem.n
+    if any(system.transitions[signature.transitions[i]].reset for i in (segment - 1, segment)):
+        return False
+    x, fields = np.ascontiguousarray(u[segment * (n + 1) :][:n]), np.empty((2, n))
+    for mode, field in zip((signature.modes[segment - 1], signature.modes[segment]), fields, strict=True):
+        system.compiled.call("field", mode, 0, x, problem.extended, field)
+    apart, size = (float(np.max(np.abs(f) / problem.state_scale)) for f in (fields[1] - fields[0], fields[0]))
+    return apart <= _EQUAL * size
 
 
 def _meets_without_velocity(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:

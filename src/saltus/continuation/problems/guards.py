@@ -1,27 +1,40 @@
-"""Checks of a point before it is kept: the residual of its equations, the critical multiplier of a bifurcation.
+"""Checks of a point and of the step to it: its equations' residual, its critical multiplier, multipliers on the way.
 
 docs/theory/continuation.md, "Special points", explains them.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.continuation.core.arclength import RESTS, ROUNDED
+from saltus.continuation.core.monitor import Monitor, at_grazing
+from saltus.continuation.core.zero_problem import Point
 from saltus.orbits.stability.critical import openness
-from saltus.orbits.stability.floquet import multiplier_errors, nontrivial
+from saltus.orbits.stability.floquet import Passage, multiplier_errors, nontrivial
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.continuation.problems.orbit_data import OrbitData
     from saltus.orbits.problem import OrbitProblem
     from saltus.orbits.signature import Survey
 
-__all__ = ["INFINITE", "RESIDUAL", "residual_fault", "unconfirmed", "undetermined"]
+__all__ = [
+    "CROSSINGS", "INFINITE", "RESIDUAL", "SHORT",
+    "residual_fault", "rests", "step_fault", "unconfirmed", "undetermined",
+]  # fmt: skip
 
 RESIDUAL = 1e-8  # largest residual of an orbit that is kept, over the sizes of states and events
 INFINITE = 1e10  # modulus from which on a multiplier counts as infinite: the orbit is at a grazing
+CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
+SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
+_STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
+_SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
 _OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
 _CONFIRMED = 1e-5  # distance of a multiplier from its critical value that confirms a bifurcation, besides its error
 
@@ -55,3 +68,43 @@ def residual_fault(problem: OrbitProblem, survey: Survey, u: NDArray[np.float64]
 def undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
     """Return whether det(A - B) and det(A + B) are rounding, as at a grazing where the surface bends no motion."""
     return all(openness(problem, mu, u, J) < _OPEN for mu in (1.0, -1.0))
+
+
+def rests(a: Point, b: Point) -> bool:
+    """Return whether the parameter rests in a step, as along a family of orbits at one value of the parameter."""
+    slope = max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1])))
+    short = abs(b.arc - a.arc) <= SHORT
+    return slope < RESTS or (slope < _STEADY and abs(b.parameter - a.parameter) < ROUNDED and not short)
+
+
+def step_fault(
+    point: Point, before: Point, monitors: Mapping[Monitor, float], data: OrbitData, way: Passage | None
+) -> str | None:
+    """Return the reason why a point may not follow the point before, or None if it may."""
+    old: OrbitData = before.examined.data
+    known = before.examined.monitors
+    changed = {
+        name
+        for name, value in monitors.items()
+        if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
+    }
+    grazing = any(at_grazing(name) for name in changed)
+    if old.survey.admissible and not data.survey.admissible and not grazing:
+        return "not admissible: " + "; ".join(data.survey.reasons())
+    if point.arc - before.arc < SHORT or grazing or not old.survey.admissible:
+        return None
+    if way is not None and rests(before, point):
+        return None
+    if any(name.kind == "rate" and 0.0 < value < _SLOWED * known.get(name, 0.0) for name, value in monitors.items()):
+        return "velocity: an event is met so much slower that a touch before may be passed over"
+    if way is None:
+        return None
+    if not way.sure:
+        return "stability: multipliers may have crossed the unit circle in opposite ways"
+    if way.real + way.pairs > 1:
+        return CROSSINGS
+    simple = sum(name.kind in ("SN", "PD", "BP") for name in changed)
+    tori = sum(name.kind == "TR" for name in changed)
+    if way.pairs != tori or way.real > simple or (simple - way.real) % 2:
+        return "stability changes without a bifurcation that explains it"
+    return None

@@ -13,12 +13,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.core.arclength import RESTS, ROUNDED
+from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
+from saltus.continuation.problems.changes import limits_of_multipliers
 from saltus.continuation.problems.doubts import DOUBT, search_between
 from saltus.continuation.problems.grazing import turned
-from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
+from saltus.continuation.problems.guards import (
+    CROSSINGS,
+    INFINITE,
+    SHORT,
+    residual_fault,
+    rests,
+    step_fault,
+    unconfirmed,
+)
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
@@ -61,13 +70,9 @@ _UNSOLVED = {
     records.APART: Unsolved.APART,
     records.LATE: Unsolved.LATE,
 }
-CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
-_STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
 _ONE = 1e-5  # distance of a multiplier from 1 up to which the orbit may be one of a family
-_SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
-_SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
 _CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
 
 
@@ -243,10 +248,10 @@ class OrbitZeroProblem:
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         if before is None:
             return Examined(monitors, None, data)
-        if _rests(before, point):
+        if rests(before, point):
             self._judge_fold(before, monitors, data)
         self._step, self._crossed = (before, point), None
-        fault = _fault(point, before, monitors, data, None if self.neutral else way)
+        fault = step_fault(point, before, monitors, data, None if self.neutral else way)
         if fault == CROSSINGS and (name := crossing_at_once(before.examined.data.followed, followed)) is not None:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
@@ -355,7 +360,9 @@ class OrbitZeroProblem:
         kept = [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
         kept = [e for e in kept if not bifurcates(e.name) or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
         kept = once([e for e in kept if not self._opposite(e)])
-        long = self._step is not None and self._step[1].arc - self._step[0].arc >= _SHORT
+        for event in kept:
+            self._take_limits(event)
+        long = self._step is not None and self._step[1].arc - self._step[0].arc >= SHORT
         twins = [event for event in kept if event.name.kind in (ZEROS, FLIPS)]
         if self._crossed is not None:
             located = any(explains(e.name, np.array(e.point.examined.data.followed), self._crossed) for e in twins)
@@ -371,6 +378,16 @@ class OrbitZeroProblem:
         if first is None or self._step is None or not long:
             return kept
         return self._unexplained(first, *self._step) or kept
+
+    def _take_limits(self, event: Event) -> None:
+        """Give an event at which a segment vanishes the multipliers that the orbit has there, where it has any."""
+        data = event.point.examined.data
+        values = None if data is None else limits_of_multipliers(self.problem, event.name, event.point.u)
+        if values is not None:
+            way = self._follow(event.point, None, values)
+            unstable = unstable_count(values[: len(way.followed)], neutral=self.neutral)
+            data = replace(data, multipliers=values, unstable=unstable, followed=way.followed)
+            event.point.examined = replace(event.point.examined, data=data)
 
     def _opposite(self, event: Event) -> bool:
         """Whether an event is one of a phase that differs from the wanted one by half a turn."""
@@ -388,7 +405,7 @@ class OrbitZeroProblem:
             return event.point.examined.fault if here is None else None
         if turned(self.problem, event.name, event.point.u):
             return "not admissible: a segment touches its surface inside before it does where it starts"
-        if not a.followed or self.neutral or _rests(before, after):
+        if not a.followed or self.neutral or rests(before, after):
             return None
         kind, followed = event.name.kind, here.followed
         critical = {i for i, value in enumerate(followed) if abs(height(value)) < _CRITICAL}
@@ -406,42 +423,3 @@ class OrbitZeroProblem:
     def crowded(self, names: list[Monitor]) -> bool:
         """Return whether more than one bifurcation or grazing lies in a step."""
         return sum(bifurcates(name) for name in names) + any(at_grazing(name) for name in names) > 1
-
-
-def _rests(a: Point, b: Point) -> bool:
-    """Return whether the parameter rests in a step, as along a family of orbits at one value of the parameter."""
-    slope = max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1])))
-    short = abs(b.arc - a.arc) <= _SHORT
-    return slope < RESTS or (slope < _STEADY and abs(b.parameter - a.parameter) < ROUNDED and not short)
-
-
-def _fault(
-    point: Point, before: Point, monitors: Mapping[Monitor, float], data: OrbitData, way: Passage | None
-) -> str | None:
-    """Return the reason why a point may not follow the point before, or None if it may."""
-    old: OrbitData = before.examined.data
-    known = before.examined.monitors
-    changed = {
-        name
-        for name, value in monitors.items()
-        if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
-    }
-    grazing = any(at_grazing(name) for name in changed)
-    if old.survey.admissible and not data.survey.admissible and not grazing:
-        return "not admissible: " + "; ".join(data.survey.reasons())
-    if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible:
-        return None
-    if way is not None and _rests(before, point):
-        return None
-    if any(name.kind == "rate" and 0.0 < value < _SLOWED * known.get(name, 0.0) for name, value in monitors.items()):
-        return "velocity: an event is met so much slower that a touch before may be passed over"
-    if way is None:
-        return None
-    if not way.sure:
-        return "stability: multipliers may have crossed the unit circle in opposite ways"
-    if way.real + way.pairs > 1:
-        return CROSSINGS
-    simple, tori = sum(name in (_SN, _PD, _BP) for name in changed), sum(name.kind == "TR" for name in changed)
-    if way.pairs != tori or way.real > simple or (simple - way.real) % 2:
-        return "stability changes without a bifurcation that explains it"
-    return None

@@ -13,6 +13,7 @@ from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
 from saltus.continuation.problems.beside import seen_beside
+from saltus.continuation.problems.changes import passes_smoothly
 from saltus.continuation.problems.ends.unbounded import period_of
 from saltus.continuation.problems.grazing import Neighbour
 from saltus.continuation.problems.orbit import OrbitZeroProblem
@@ -30,9 +31,10 @@ __all__ = ["leaving", "seen_beyond", "summed_late", "sums_up", "switched", "turn
 Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
 Equations: TypeAlias = "Callable[[Signature, NDArray[np.float64]], OrbitZeroProblem]"
 
-_TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the grazing of another one
+_TOGETHER = 1e-9  # duration, over the period, up to which a segment has none
 # Shares of the parameter's interval at which an orbit beyond a point is sought.
 _PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+_CLOSER = (1e-6, 1e-7, 1e-8)  # arclengths from a change of signature, of which one keeps the stability
 _LAST = 8  # points of a branch that tell which way its parameter goes
 _RESTS = 0.1  # way of the parameter over these points, over the longest, up to which it rests
 _ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
@@ -58,6 +60,9 @@ def leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
 def switched(found: Neighbour, old: Point, equations: Equations) -> Beyond | str:
     """Return equations and point to go on with in the neighbouring signature, or why no branch does.
 
+    A first step that changes the stability, where the multipliers are continuous, is taken shorter. Where none keeps
+    the stability, the change is the point's within rounding.
+
     Parameters
     ----------
     found : Neighbour
@@ -76,21 +81,59 @@ def switched(found: Neighbour, old: Point, equations: Equations) -> Beyond | str
     except ValueError as error:
         return f"no branch goes on: {error}"
     point.arc = old.arc
+    item = next(filter(None, (_first_beyond(branch, point, old, probe) for probe in (1e-5, 1e-6, 1e-4))), None)
+    if item is None:
+        return "no admissible orbit beyond it"
+    known = _unstable_at(branch, point, old)
+    for probe in _CLOSER if known is not None else ():
+        if item.examined.data.unstable == known:
+            break
+        item = _first_beyond(branch, point, old, probe) or item
+    item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
+    return branch, item
+
+
+def _first_beyond(branch: OrbitZeroProblem, point: Point, old: Point, probe: float) -> Point | None:
+    """Return the first point of a branch behind a change of signature, an arclength of `probe` away; None without one.
+
+    Parameters
+    ----------
+    branch : OrbitZeroProblem
+        Equations of the new signature.
+    point : Point
+        The change in these equations.
+    old : Point
+        The change in the equations that end there.
+    probe : float
+        The arclength.
+    """
     onward = math.copysign(1.0, float(old.tangent[-1]))
-    for probe in (1e-5, 1e-6, 1e-4):
-        for sign in (onward, -onward):
-            start = turned(point, sign, branch.odd)
-            start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
-            control = StepControl(initial=probe, smallest=probe / 4, largest=probe)
-            trial = follow(branch, start, control, log=[])
-            item = next(trial)
-            # where the parameter rests at the change its direction there is rounding: a step back to it is none
-            if not isinstance(item, Point) or _way(item, old) < _way(point, old) - 0.1 * probe:
-                continue
-            if _beyond_changes(branch.problem, item):
-                item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
-                return branch, item
-    return "no admissible orbit beyond it"
+    for sign in (onward, -onward):
+        start = turned(point, sign, branch.odd)
+        start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
+        control = StepControl(initial=probe, smallest=probe / 4, largest=probe)
+        item = next(follow(branch, start, control, log=[]))
+        # where the parameter rests at the change its direction there is rounding: a step back to it is none
+        if not isinstance(item, Point) or _way(item, old) < _way(point, old) - 0.1 * probe:
+            continue
+        if _beyond_changes(branch.problem, item):
+            return item
+    return None
+
+
+def _unstable_at(branch: OrbitZeroProblem, point: Point, old: Point) -> int | None:
+    """Return the number of unstable multipliers at a change of signature; None where they jump there.
+
+    branch, point: the equations of the new signature, and the change in these.
+    """
+    n, size = branch.n, branch.problem.size
+    durations = np.abs(point.u[n : size : n + 1])
+    born = int(np.argmin(durations))
+    if durations[born] > _TOGETHER * durations.sum():
+        data = branch.examine(point, None).data
+    else:
+        data = old.examined.data if passes_smoothly(branch.problem, point.u, born) else None
+    return None if data is None else int(data.unstable)
 
 
 def seen_beyond(
