@@ -16,6 +16,7 @@ from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_
 from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.maps.solve import find_map_orbit
+from saltus.orbits.drift import drift_of, drift_of_samples
 from saltus.orbits.guesses import check_states
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.pieces import in_pieces
@@ -223,6 +224,8 @@ def _search_forced(
                     return orbit
                 failure = _why_not(orbit)
                 break
+        if (drift := drift_of(system, states, scale)) is not None:
+            raise ConvergenceError("periodic attractor", recurrence, done, drift, unit="forcing periods")
         x, mode = wrapped(log.x_end, places), log.mode_end
         batch *= 2
     hint = failure or (
@@ -286,6 +289,7 @@ def _search_autonomous(
         if seen.events:
             done += gone.events + seen.events
             found = _read_autonomous(seen.log, sizes.of_gaps, places)
+            drift = drift_of(system, seen.log.x_after[:-1], sizes.of_gaps)
         else:
             before = seen.states[0] if gone.events else begin
             if (rest := rest_of(system, p, before, seen, sizes.of_states)) is not None:
@@ -298,6 +302,7 @@ def _search_autonomous(
             returns = _returns(system, p, seen, sizes.of_gaps)
             done += returns.size * (1.0 + gone.tries / seen.tries)
             found = _read_smooth(seen, returns, sizes.of_gaps, places)
+            drift = drift_of_samples(system, seen.states, sizes.of_gaps)
         if found is not None:
             signature, u, gap = found
             recurrence = min(recurrence, gap)
@@ -312,6 +317,8 @@ def _search_autonomous(
                     if orbit.stable and orbit.admissible:
                         return orbit
                     failure = _why_not(orbit)
+        if drift is not None:
+            raise ConvergenceError("periodic attractor", recurrence, int(done), drift, unit="returns")
         x, mode = wrapped(seen.log.x_end, places), seen.log.mode_end
         batch *= 2
     hint = failure or (
