@@ -41,7 +41,7 @@ from saltus.ensemble.labels import NL
 from saltus.system.numba_tools.machine_code import Addressed, shared
 
 P = types.CPointer(float64)
-inner = dict(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+inner = dict(no_cpython_wrapper=True)
 LANE = {"fastmath": FAST, **SCALAR}
 lane = shared(**LANE, **inner)
 scalar = shared(**SCALAR, **inner)

@@ -47,7 +47,7 @@ def njit(**options: Any) -> Callable[[FunctionType], Any]:
         return partial(inner.inner, pasted=options.get("inline") == "always", fast=options.get("fastmath", ()))
 
     def compiled(function: FunctionType) -> Any:
-        dispatcher = numba.njit(**options)(function)
+        dispatcher = numba.njit(no_cfunc_wrapper=True, **options)(function)  # no function is passed as a value
         return keep_checked(dispatcher, function) if kept else dispatcher
 
     return compiled

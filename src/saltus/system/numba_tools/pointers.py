@@ -13,7 +13,7 @@ from numba.extending import intrinsic
 INNER: dict[str, Any] = {"inner": True}
 PART: dict[str, Any] = {"inner": True, "inline": "always"}  # of functions pasted into their callers
 # Options of functions that only kernels call, and that need more of NumPy than inner functions have.
-ARRAYS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+ARRAYS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True}
 
 
 @intrinsic
