@@ -161,3 +161,31 @@ def test_gap_of_the_campaign_is_the_height_over_the_wall(campaign, body):
     impacts = motion.events[motion.events["name"] == "impact"]
     assert len(impacts) > 1
     assert campaign.gap(p, impacts["before"]) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("unit", "x0"), [(1.0, [-0.5, 0.0]), (1e-9, [-2e-9, 0.0]), (1e6, [-1e6, 3e6])])
+def test_a_start_below_the_table_is_told(unit, x0):
+    with pytest.warns(RuntimeWarning, match=r"starts behind event 'bounce' of mode 'air', where its function is -"):
+        simulate(ball_on_a_table(unit), x0=x0, t_end=0.1)
+
+
+@pytest.mark.parametrize("x0", [[0.5, 0.0], [0.0, 1.0], [-1e-16, 1.0]])
+def test_a_start_on_or_above_the_table_is_not(x0):
+    simulate(ball_on_a_table(1.0), x0=x0, t_end=0.1)
+
+
+def test_a_kick_that_motions_pass_is_no_wall():
+    """A clock's kick adds speed where the pendulum passes its lowest place to the right."""
+    kick = Transition("swing", "swing", "x", 1, {"v": "v + 0.2"}, name="kick")
+    clock = HybridSystem(("x", "v"), {}, {"swing": Mode({"x": "v", "v": "-x - 0.1*v"})}, [kick])
+    simulate(clock, x0=[0.5, 0.3], t_end=5.0)
+    spike = Transition("rest", "rest", "u - 1", 1, {"u": "0"}, name="spike")
+    neuron = HybridSystem(("u",), {}, {"rest": Mode({"u": "1.2 - u"})}, [spike])
+    with pytest.warns(RuntimeWarning, match="starts behind event 'spike'"):
+        simulate(neuron, x0=[1.1], t_end=1.0)
+
+
+def ball_on_a_table(unit):
+    """A ball that falls by one unit."""
+    bounce = Transition("air", "air", "h", -1, {"v": "-0.8*v"}, name="bounce")
+    return HybridSystem(("h", "v"), {"g": unit}, {"air": Mode({"h": "v", "v": "-g"})}, [bounce])

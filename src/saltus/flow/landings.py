@@ -1,4 +1,4 @@
-"""Transitions that lead beyond an event of their target mode, where motions of that mode do not come."""
+"""Transitions and starts that lead beyond an event of a mode, where motions of that mode do not come."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem, Transition
 
-__all__ = ["Landing", "landings_beyond", "warn_of"]
+__all__ = ["Landing", "landings_beyond", "warn_behind_wall", "warn_of"]
 
 _LANDED = 1e-9  # of an event function's terms, below which a landing is on its surface
 _LOOKED_AT = 16  # landings at which the size of these terms is looked at
@@ -72,6 +72,62 @@ def warn_of(landings: tuple[Landing, ...]) -> None:
     """Warn of the first landing, if there is one, whoever called the caller."""
     if landings:
         warnings.warn(f"saltus: {landings[0]}; the motion goes on as if it were not", RuntimeWarning, stacklevel=3)
+
+
+def warn_behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> None:
+    """Warn where a motion starts behind a wall of its mode, whoever called the caller.
+
+    A wall is an event that leads back to its mode, and whose reset throws motions back: no motion gets past it.
+
+    Parameters
+    ----------
+    p : ndarray, shape (parameters,)
+        Parameters.
+    x : ndarray, shape (all states,)
+        The start.
+    mode : int
+        Index of its mode.
+    """
+    for k, transition in enumerate(system.transitions):
+        own = system.mode_index(transition.source) == mode == system.mode_index(transition.target)
+        if not own or not transition.direction or not transition.reset or at_phases(system, transition):
+            continue
+        value = _behind_wall(system, p, x, k)
+        if value is not None:
+            warnings.warn(
+                f"saltus: the motion starts behind event {transition.name!r} of mode {transition.source!r}, where its "
+                f"function is {value:.6g}; the motion goes on as if it were not",
+                RuntimeWarning,
+                stacklevel=3,
+            )
+
+
+def _behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], k: int) -> float | None:
+    """Return the event function of transition `k` where a state is clearly behind it and it is a wall; else None.
+
+    At this height the state is given the speed that would bring it there, and the reset is tried.
+    """
+    n, direction, compiled = x.size, system.transitions[k].direction, system.compiled
+    extended, seen, thrown, condition = compiled.extended(p), np.empty(2 + 2 * n), np.empty(n), np.empty(1)
+    compiled.call("event_x", k, 0, x, extended, seen)
+    value, rate = float(seen[0]) * direction, float(seen[1]) * direction
+    mode = system.mode_index(system.transitions[k].source)
+    bend = abs(float(seen[2 + n :] @ compiled.field(mode, x, p)))
+    far = rate * rate / bend if bend > 0.0 else 0.0  # as far as the motion goes on at its speed
+    near = _LANDED * (float(np.abs(seen[2 : 2 + n]) @ np.abs(x)) + far)
+    if not value > near:
+        return None
+    turn = direction * seen[2 + n :]
+    length, faster = float(turn @ turn), (abs(rate) + float(np.abs(turn) @ np.abs(x))) or 1.0
+    moved = x + turn * ((faster - rate) / length if length > 0.0 else 0.0)
+    compiled.call("event_x", k, 0, moved, extended, seen)
+    compiled.call("guard", len(system.modes) + k, 0, moved, extended, condition)
+    if not (float(seen[1]) * direction > 0.0 and condition[0] > 0.0):
+        return None
+    compiled.call("reset", k, 0, moved, extended, thrown)
+    compiled.call("event_x", k, 0, thrown, extended, seen)
+    back = float(seen[0]) * direction < -near or float(seen[1]) * direction < 0.0
+    return value * direction if back else None
 
 
 def _beyond(

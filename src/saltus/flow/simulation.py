@@ -39,7 +39,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.flow.event_tables import event_table
-from saltus.flow.landings import warn_of
+from saltus.flow.landings import warn_behind_wall, warn_of
 from saltus.flow.motion import EventDrivenMotion, how_long, start_state, tolerances_of
 from saltus.flow.sizes import RTOL, followed_in_size
 from saltus.flow.starting import starting_mode
@@ -142,7 +142,8 @@ def simulate(
     Warns
     -----
     RuntimeWarning
-        A transition lands beyond an event of its target mode; see `Trajectory.landings_beyond`.
+        A transition lands beyond an event of its target mode; see `Trajectory.landings_beyond`. Or the start lies
+        behind an event whose reset throws motions back, as below a table.
 
     References
     ----------
@@ -173,6 +174,7 @@ def simulate(
     options = SimulationOptions() if options is None else checks.instance("options", options, SimulationOptions)
     most_steps = _MEMORY // (8 * (8 * x.size + 4)) if options.max_steps is None else options.max_steps
     start = starting_mode(system, x, p, mode)
+    warn_behind_wall(system, p, x, start)
 
     def begun(atol: float) -> EventDrivenMotion:
         return EventDrivenMotion(
