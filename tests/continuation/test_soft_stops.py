@@ -136,3 +136,46 @@ def test_a_doubling_next_to_a_grazing_is_found_from_both_sides(k: float, zeta: f
             counted = int(np.sum(np.abs(piecewise_linear(branch.solution(i))) > 1.0))
             critical = np.abs(branch.values[i] / drive - [grazing, near, far]).min() < 1e-12
             assert critical or branch.stable[i] == (counted == 0)
+
+
+def random_structure(seed: int) -> saltus.HybridSystem:
+    """One to three modes of a structure beside a stop: linear, of Hertz, or linear with a damper."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 4))
+    rates, damping, shape = np.sort(rng.uniform(0.5, 4.0, count)), rng.uniform(0.01, 0.1, count), rng.normal(size=count)
+    shape[0] = 1.0
+    gap, speed = (" + ".join(f"{shape[i]:.5f}*{name}{i}" for i in range(count)) for name in "xv")
+    free = {}
+    for i in range(count):
+        free[f"x{i}"] = f"v{i}"
+        own = f"-{rates[i] ** 2:.6f}*x{i} - {2.0 * damping[i] * rates[i]:.6f}*v{i}"
+        free[f"v{i}"] = f"{own} + {rng.normal():.4f}*A*cos(s)"
+    stiffness, law = float(10.0 ** rng.uniform(-1.0, 3.0)), int(rng.integers(0, 3))
+    depth = f"({gap} - 1)"
+    push = (f"k*{depth}", f"k*{depth}**(3/2)", f"(k*{depth} + 0.1*({speed}))")[law]
+    inside = free | {f"v{i}": f"{free[f'v{i}']} - {shape[i]:.5f}*{push}" for i in range(count)}
+    return saltus.HybridSystem(
+        tuple(free),
+        {"A": 1.0, "w": float(rng.uniform(0.6, 4.0)), "k": stiffness},
+        {"free": saltus.Mode(free), "in": saltus.Mode(inside)},
+        [saltus.Transition("free", "in", f"{gap} - 1", 1), saltus.Transition("in", "free", f"{gap} - 1", -1)],
+        phase=("s", "w"),
+    )
+
+
+@pytest.mark.parametrize("seed", guarding(range(60), campaign=10))
+def test_random_structures_have_the_same_points_from_both_ends_and_at_other_steps(seed: int) -> None:
+    system = random_structure(seed)
+    rest = np.zeros(len(system.states))
+    far = saltus.continue_orbit(saltus.find_orbit(system, {"A": 1e-3}, rest), "A", (1e-3, 1e3), stop_at="GR")
+    drive = far["GR1"].value("A")
+    bounds = 0.4 * drive, 1.6 * drive
+    up = saltus.continue_orbit(saltus.find_orbit(system, {"A": 0.5 * drive}, rest), "A", bounds)
+    others = [
+        saltus.continue_orbit(up.solution(-1), "A", bounds, steps=steps)
+        for steps in (saltus.StepControl(), saltus.StepControl(largest=0.02))
+    ]
+    known, *found = (sorted((p.value("A") / drive, p.type) for p in branch.special_points) for branch in (up, *others))
+    for points in found:
+        assert [kind for _, kind in points] == [kind for _, kind in known]
+        assert [at for at, _ in points] == pytest.approx([at for at, _ in known], abs=1e-8)
