@@ -119,13 +119,14 @@ def errors_beside(
     changed : ndarray, shape (reading, 3, datum)
         Changes of centre, amplitude and measured shift by the error of each reading.
     """
-    here = shift(centre, amplitude)
-    beside = [
-        far * told - (shift(centre + far * moved, amplitude + far * more) - here)
-        for moved, more, told in changed
-        for far in (-_NODE, _NODE)
-    ]
-    found = np.sqrt(np.sum(np.square(beside), axis=0) / (2.0 * _NODE**2))
+    here, squares = shift(centre, amplitude), np.zeros(len(measured))
+    for moved, more, told in changed:
+        if moved.any() or more.any():
+            ends = [far * told + here - shift(centre + far * moved, amplitude + far * more) for far in (-_NODE, _NODE)]
+            squares += np.sum(np.square(ends), axis=0) / (2.0 * _NODE**2)
+        else:
+            squares += told**2
+    found = np.sqrt(squares)
     return np.asarray(np.maximum(found, _LEAST_ERROR * float(np.abs(measured).max())))
 
 
