@@ -145,7 +145,6 @@ def test_a_branch_comes_to_the_bound_that_its_start_misses_by_rounding():
 
 
 def test_ranges_of_branches_are_joined_where_they_overlap():
-    from types import SimpleNamespace
 
     parts = [SimpleNamespace(values=np.array(one)) for one in ([5.0, 7.0, 6.0], [1.0, 2.0], [6.5, 8.0], [2.0, 3.0])]
     assert covered(parts) == [(1.0, 3.0), (5.0, 8.0)]
