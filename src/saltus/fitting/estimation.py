@@ -21,6 +21,8 @@ from saltus.fitting.optimum import Minimum, Objective, covariance, degeneracies,
 from saltus.fitting.priors import NO_PRIORS, Priors, read_priors
 from saltus.fitting.profiles import Profiles
 from saltus.fitting.remedy import remedy_of
+from saltus.fitting.repeated import contradictions
+from saltus.fitting.rereading import Reading, reread
 from saltus.fitting.result import Fit
 from saltus.fitting.search import searched
 from saltus.progress import Reporter
@@ -109,6 +111,7 @@ class Task:
     priors: Priors = NO_PRIORS  # what is known of the parameters beforehand
     instrument: Instrument = field(default_factory=Instrument)  # unknowns of the measurement that are varied
     candidates: Instrument = field(default_factory=Instrument)  # all unknowns that the measurement may have
+    others: tuple[Reading, ...] = ()  # other readings of the data, tried where they do not fit
 
 
 def fit(
@@ -217,6 +220,7 @@ def task(
     options: FitOptions,
     priors: Mapping[str, tuple[float, float]] | None = None,
     instrument: Instrument | None = None,
+    others: Sequence[Reading] = (),
 ) -> Task:
     """Return the task of a fit, its arguments checked."""
     candidates = Instrument() if instrument is None else instrument
@@ -244,7 +248,8 @@ def task(
     if options.profile is not None:
         for name in checks.names("profile", options.profile, "varied parameters"):
             checks.chosen("profile", name, names)
-    return Task(measured, trace, names, start, limits, options, jumps is True, known, instrument, candidates)
+    sought = jumps is True
+    return Task(measured, trace, names, start, limits, options, sought, known, instrument, candidates, tuple(others))
 
 
 def _varied(
@@ -305,10 +310,12 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
         notes=(*_notes(wanted, found, objective), *profiles.notes),
     )
     if fit.misfit and not found.is_interrupted:
-        fit = replace(fit, remedy=remedy_of(found.evaluation, found.values, bounds, wanted.candidates))
+        told = reread(objective, found, wanted.start, bounds, wanted.others)
+        told = told or remedy_of(found.evaluation, found.values, bounds, wanted.candidates)
+        fit = replace(fit, remedy="; ".join([*contradictions(found.evaluation), *([told] if told else [])]))
         warnings.warn(f"saltus: {fit.message}", RuntimeWarning, stacklevel=3)
-    for told in wanted.priors.contradicted(found.values, names):
-        warnings.warn(f"saltus: {told}", RuntimeWarning, stacklevel=3)
+    for one in wanted.priors.contradicted(found.values, names):
+        warnings.warn(f"saltus: {one}", RuntimeWarning, stacklevel=3)
     return fit
 
 
@@ -352,6 +359,7 @@ def _notes(wanted: Task, found: Minimum, objective: Objective) -> tuple[str, ...
         notes.append(f"{measured.dropped} rows with missing or infinite numbers were left out")
     if repeated := measured.repeated:
         notes.append(f"{repeated} rows repeat others, and count as measured again")
+    notes += contradictions(found.evaluation)
     if wanted.sought and not measured.points:
         notes.append("jumps were sought, but the data show none")
     if measured.unused:

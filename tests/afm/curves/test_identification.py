@@ -311,3 +311,29 @@ def test_the_range_of_a_wide_tune_stays_above_0():
     data["amplitude_nm"] = [12.0 / 400.0 * one for one in response]
     found = afm.fit(data, lever(Zc_nm=80.0), {"A0_nm": (1.0, 20.0)}, {"amplitude_nm": 0.01}, jumps=False)
     assert found["A0_nm"] == pytest.approx(12.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("shown", "told"),
+    [
+        (
+            lambda lag: 90.0 - lag,
+            "the data fit with lags read as 90 - lag_deg, of phase_convention 'bruker0': chi2/n = ",
+        ),
+        (lambda lag: -lag, "the data fit with lags read as -lag_deg: chi2/n = "),
+        (np.radians, "the data fit with lags read as lag_deg in radians: chi2/n = "),
+    ],
+    ids=["bruker0", "sign", "radians"],
+)
+def test_a_wrong_convention_of_the_phase_is_named(shown, told):
+    """A fit of such data ended with a hint at the gain of the detector."""
+    model = lever()
+    path = afm.distance_curve(model, (13.0, 15.0)).path("approach")
+    whole = path[["amplitude_nm", "lag_deg"]].to_dataframe().reset_index()
+    data = whole[["Zc_nm", "amplitude_nm", "lag_deg"]].assign(lag_deg=shown(whole["lag_deg"]))
+    options = FitOptions(max_evaluations=10)
+    errors = {"amplitude_nm": 0.03, "lag_deg": abs(shown(0.3) - shown(0.0))}
+    with pytest.warns(RuntimeWarning, match="the data do not fit"):
+        found = afm.fit(data, lever(H_aJ=0.2), {"H_aJ": (0.01, 1.0)}, errors, jumps=False, options=options)
+    assert found.remedy.startswith(told)
+    assert "gain" not in found.message

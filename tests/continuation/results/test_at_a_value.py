@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.special import ellipk
 import saltus
 from oracles.closed_forms import ImpactOrbit
 from saltus import ConvergenceError, HybridSystem, InputError, Map
+from saltus.continuation.results.crossings import covered
 
 
 @pytest.fixture(scope="module")
@@ -140,3 +142,9 @@ def test_a_branch_comes_to_the_bound_that_its_start_misses_by_rounding():
     assert branch.values.max() == k
     (orbit,) = branch.at(k)
     assert orbit.max["x"] == pytest.approx(1.0 / math.hypot(k - 1.0, 0.2), rel=1e-9)
+
+
+def test_ranges_of_branches_are_joined_where_they_overlap():
+
+    parts = [SimpleNamespace(values=np.array(one)) for one in ([5.0, 7.0, 6.0], [1.0, 2.0], [6.5, 8.0], [2.0, 3.0])]
+    assert covered(parts) == [(1.0, 3.0), (5.0, 8.0)]

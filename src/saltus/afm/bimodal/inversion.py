@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 __all__ = ["bimodal_map"]
 
 _CANDIDATES = 3  # depths from which a pixel is solved, at most
+_BESIDE = 2  # neighbours of the best depth between which others are looked at
+_WITHIN = 1 / 3  # distance of these, over that of neighbours: two solutions may lie close by
 _STEPS = 60  # steps of Levenberg and Marquardt, at most
 _CONVERGED = 1e-7  # last step over its standard error and its size
 _SAME = 1e-3  # relative difference up to which two solutions are one
@@ -189,24 +191,40 @@ class _Inversion:
         places = depths(bool(self.balance.layers.levels), size, 4.0 * size)
         if self.balance.layers.above[0] is None:
             places = places[places > 0.0]
+        chi2, states = self.along(np.repeat(places[:, None], self.pixels, axis=1))
+        nearest = np.clip(np.argmin(chi2, axis=0), _BESIDE, len(places) - 1 - _BESIDE)
+        between = nearest + np.arange(-_BESIDE, _BESIDE + _WITHIN / 2, _WITHIN)[:, None]
+        picked = [
+            self.best(chi2, states, _CANDIDATES),
+            self.best(*self.along(np.interp(between, np.arange(len(places)), places)), _CANDIDATES),
+        ]
+        return np.concatenate([own for own, _ in picked], axis=1), np.concatenate([of for _, of in picked])
+
+    def along(self, places: Floats) -> tuple[Floats, Floats]:
+        """Return what is left of the equations at depths, shape (depth, pixel), and the unknowns there."""
+        amplitudes = self.q[[self.balance.at[name] for name in self.balance.amplitudes]].sum(0)
         chi2, states = [], []
         for depth in places:
-            own = q.copy()
-            own[at["mean_gap_nm"]] = self.balance.level(q) - depth + amplitudes
+            own = self.q.copy()
+            own[self.balance.at["mean_gap_nm"]] = self.balance.level(self.q) - depth + amplitudes
             for _ in range(2):
                 own, left = self.at_depth(own, np.arange(self.pixels), ROUGH)
             chi2.append(left)
             states.append(own[self.weighing.rows])
         values = np.array(chi2)
         values[~np.isfinite(values)] = np.inf
+        return values, np.array(states)
+
+    def best(self, values: Floats, states: Floats, most: int) -> tuple[Floats, NDArray[np.intp]]:
+        """Return the variables at the best depths that are better than their neighbours, and which pixel each is of."""
         around = np.pad(values, ((1, 1), (0, 0)), constant_values=np.inf)
         least = np.where((values <= around[:-2]) & (values <= around[2:]), values, np.inf)
-        order = np.argsort(least, axis=0)[:_CANDIDATES]
+        order = np.argsort(least, axis=0)[:most]
         picked, of = [], []
-        for rank in range(len(order)):
-            some = np.flatnonzero(np.isfinite(least[order[rank], np.arange(self.pixels)]))
-            own = q[:, some].copy()
-            own[self.weighing.rows] = np.array(states)[order[rank][some], :, some].T
+        for places in order:
+            some = np.flatnonzero(np.isfinite(least[places, np.arange(self.pixels)]))
+            own = self.q[:, some].copy()
+            own[self.weighing.rows] = states[places[some], :, some].T
             picked.append(own)
             of.append(some)
         return np.concatenate(picked, axis=1), np.concatenate(of)

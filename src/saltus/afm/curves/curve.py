@@ -19,7 +19,7 @@ from saltus.afm.models.readings import CONVENTIONS, formulas, readings_of, regim
 from saltus.contents import Contents
 from saltus.continuation import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
-from saltus.continuation.results.crossings import comes_to
+from saltus.continuation.results.crossings import comes_to, covered
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.result import Result
@@ -271,8 +271,8 @@ class Curve(Result):
         wanted = checks.number(self.along, place[self.along] if value is None else value)
         reached = [branch for branch in self.branches if comes_to(branch, wanted)]
         if not reached:
-            low, high = float(self.values.min()), float(self.values.max())
-            raise InputError(self.along, wanted, f"between {low:.9g} and {high:.9g}, where the curve is")
+            parts = " or ".join(f"between {low:.9g} and {high:.9g}" for low, high in covered(self.branches))
+            raise InputError(self.along, wanted, f"{parts}, where the curve is")
         beside = _BESIDE * (self.bounds[1] - self.bounds[0])
         if doubts := [text for place, text in self.failures if abs(place - wanted) <= beside]:
             others = f", and {len(doubts) - 1} more" * (len(doubts) > 1)

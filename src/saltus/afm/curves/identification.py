@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -20,6 +21,7 @@ from saltus.errors import InputError
 from saltus.fitting.estimation import FitOptions, fitted, task
 from saltus.fitting.instrument import Instrument
 from saltus.fitting.measured import numbers_of, read_table
+from saltus.fitting.rereading import Reading
 
 if TYPE_CHECKING:
     from saltus.continuation import Branch, StepControl
@@ -40,6 +42,17 @@ _OWN = {
     DRIFT: Quantity("Hz", 1e-4, 1e6, "any"),
 }
 _FREQUENCY = re.compile(r"f0_kHz(_\d+)?")  # natural frequencies, which drift in proportion
+_OTHER_LAGS = (  # what lags may be in place of the numbers in a column: in words, offset and factor
+    ("90 - lag_deg, of phase_convention 'bruker0'", 90.0, -1.0),
+    ("-lag_deg", 0.0, -1.0),
+    ("180 - lag_deg", 180.0, -1.0),
+    ("-90 - lag_deg", -90.0, -1.0),
+    ("90 + lag_deg", 90.0, 1.0),
+    ("180 + lag_deg", 180.0, 1.0),
+    ("lag_deg - 90", -90.0, 1.0),
+    ("lag_deg in radians", 0.0, math.degrees(1.0)),
+    ("90 - lag_deg in radians", 90.0, -math.degrees(1.0)),
+)
 _TURN_DEG = 360.0  # angle after which a lag repeats, in degrees
 
 
@@ -123,7 +136,14 @@ def fit(
     if isinstance(jumps, bool) and "direction" not in table:
         jumps = False
     trace = _curve(model, along, bounds, start, options.steps)
-    return fitted(task(table, trace, bounds, vary, sigma, jumps, options, priors, instrument), progress)
+    lags = tuple(name for name in sigma if _is_lag(name))
+    others = [Reading(f"lags read as {told}", lags, *numbers) for told, *numbers in _OTHER_LAGS] if lags else []
+    return fitted(task(table, trace, bounds, vary, sigma, jumps, options, priors, instrument, others), progress)
+
+
+def _is_lag(name: str) -> bool:
+    """Whether a column is of lags, of the first drive or a further one."""
+    return str(name).startswith("lag_deg")
 
 
 def _check_unknowns(
@@ -145,7 +165,7 @@ def _with_readings(options: FitOptions, sigma: Mapping[str, Any], model: HybridS
         if units := [reading for reading in known if reading.startswith(f"{name}_")]:
             raise InputError(f"column {name!r}", name, f"named with its unit: {' or '.join(units)}")
     observables = {name: known[name] for name in sigma if name in known} | dict(options.observables)
-    turns = {name: _TURN_DEG for name in sigma if str(name).startswith("lag_deg")} | dict(options.turns)
+    turns = {name: _TURN_DEG for name in sigma if _is_lag(name)} | dict(options.turns)
     return replace(options, observables=observables, turns=turns)
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,18 +16,18 @@ from saltus.afm.laws.law import Law, Sum
 from saltus.afm.laws.prescribed import ForceTable
 from saltus.afm.probe.units import checked
 from saltus.afm.reconstruction.averages import bent_gaps, cosines
-from saltus.afm.reconstruction.observed import errors_beside
+from saltus.afm.reconstruction.nearest_readings import NearestReadings
 from saltus.errors import InputError
+from saltus.fitting.search import largest_chi2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from scipy.optimize import OptimizeResult
 
 __all__ = ["Averages", "LawFit", "fitted_law"]
 
 _NODES = 240  # angles of half a cycle at which the force is taken
 _ROUNDS = 2  # in which the harmonics of the motion come to rest
-_ROUNDS_OF_ERRORS = 3  # in which errors of the readings come to rest beside the law
+_FALL = 1e-6  # fall of chi2, over itself, at which a search beside errors of gaps ends
 _UNTOLD = 1e-9  # change of the data by unknowns, over the greatest one, that is none
 _STEP = 1e-6  # of differences, over a value
 _OF_GAP = "origin_nm"  # unknown: what is added to all gaps
@@ -64,6 +64,8 @@ class LawFit:
         How many data count.
     at_bounds : tuple of str
         What was varied and ends at one of its bounds.
+    misfit : str
+        In words, that the data do not fit by known errors; empty where they do, and where errors are estimated.
 
     Examples
     --------
@@ -85,10 +87,12 @@ class LawFit:
     chi2: float
     count: int
     at_bounds: tuple[str, ...]
+    misfit: str = ""
 
     def __str__(self) -> str:
         lines = [f"{name} = {value:.6g} +- {self.sigma[name]:.2g}" for name, value in self.values.items()]
         lines += [f"{name} ends at a bound" for name in self.at_bounds]
+        lines += [self.misfit] if self.misfit else []
         return "\n".join([*lines, f"chi2 = {self.chi2:.4g} of {self.count} data"])
 
 
@@ -119,37 +123,47 @@ def fitted_law(
         moment = _moments(_with_values(law, values), centre + origin, amplitude, data.k_N_m, radius)
         return -moment / (data.k_N_m * amplitude)
 
-    def found_with(errors: NDArray[np.float64], x: NDArray[np.float64]) -> OptimizeResult:
-        return least_squares(
-            lambda x: (shifts(x, centre, amplitude) - measured) / errors,
-            x, bounds=(low, high), x_scale=scales, diff_step=_STEP,
-        )  # fmt: skip
-
     x0 = np.array(list(start.values()))
     scales = np.maximum(np.abs(x0), 1e-3 * (high - low))
-    best = found_with(data.shift_sigma[counts], x0)
+    best = least_squares(
+        lambda x: (shifts(x, centre, amplitude) - measured) / data.shift_sigma[counts],
+        x0, bounds=(low, high), x_scale=scales, diff_step=_STEP,
+    )  # fmt: skip
     if len(data.changed):
-        for _ in range(_ROUNDS_OF_ERRORS):
-            there = partial(shifts, best.x)
-            best = found_with(errors_beside(there, centre, amplitude, measured, data.changed[..., counts]), best.x)
-    chi2 = 2.0 * float(best.cost)
-    covariance = _covariance(best.jac, scales)
+        near = NearestReadings(shifts, centre, amplitude, measured, data.changed[..., counts], scales)
+        best = least_squares(near.residuals, best.x, near.jacobian, bounds=(low, high), x_scale=scales, ftol=_FALL)
+        near.expect(best.x)
+        best = least_squares(near.residuals, best.x, near.jacobian, bounds=(low, high), x_scale=scales, ftol=_FALL)
+    chi2, covariance = 2.0 * float(best.cost), _covariance(best.jac, scales)
     if not data.errors_given:
-        covariance *= chi2 / (len(best.fun) - len(x0))
+        covariance *= chi2 / (len(measured) - len(x0))
     sigma = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore"):
         correlation = covariance / np.outer(sigma, sigma)
     values = dict(zip(names, map(float, best.x), strict=True))
     own = {name: value for name, value in values.items() if name not in (_OF_TIP, _OF_GAP)}
+    misfit = _misfit(chi2, len(measured)) if data.errors_given else ""
+    if misfit:
+        warnings.warn(f"saltus: {misfit}", RuntimeWarning, stacklevel=3)
     return LawFit(
         _with_values(law, own),
         values,
         dict(zip(names, map(float, sigma), strict=True)),
         correlation,
         chi2,
-        len(best.fun),
+        len(measured),
         tuple(name for name, active in zip(names, best.active_mask, strict=True) if active),
+        misfit,
     )
+
+
+def _misfit(chi2: float, count: int) -> str:
+    """Return in words that data do not fit; empty where they do."""
+    most = largest_chi2(count)
+    told = (
+        f"the data do not fit: chi2/n = {chi2 / count:.3g} is above {most:.3g}; the law, origin_nm or sigma is another"
+    )
+    return told if chi2 > most * count else ""
 
 
 def _covariance(jacobian: NDArray[np.float64], scales: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -31,7 +31,9 @@ __all__ = ["LEAST", "Observed", "amplitude_modulation", "errors_beside", "freque
 LEAST = 8  # data, at least, of which a force is made
 _LEAST_SPAN = 1e-3  # nm; distances of the data
 _PM_IN_NM = 1e-3
+_ROW = "row"  # number of a row of the table
 _LEAST_ERROR = 1e-9  # of a reduced shift, over the greatest one
+_NODE = math.sqrt(3.0)  # of Gauss and Hermite's rule for the mean of three values over a normal error
 _GIVEN = 0.5  # energy of the drive over the lever's loss below which the sample would give energy, whatever the errors
 _TAKEN = 1e3  # the same, above which amplitudes are in another unit
 
@@ -47,6 +49,7 @@ class Observed:
     k: float  # stiffness of the mode, in N/m
     compliance: float  # of the bent lever, in nm/nN
     changed: NDArray[np.float64]  # changes of the last three by each reading's error, shape (reading, 3, datum)
+    row: NDArray[np.int64]  # where it stands among the data
     given: float = 1.0  # energy of the drive over the lever's loss
 
     def ordered(self) -> Observed:
@@ -59,6 +62,7 @@ class Observed:
             amplitude=self.amplitude[order],
             shift=self.shift[order],
             changed=self.changed[..., order],
+            row=self.row[order],
         )
 
 
@@ -106,6 +110,7 @@ def errors_beside(
     """Return the standard errors of measured reduced shifts beside those of a force.
 
     An error of an amplitude or a distance moves the datum along the force's shifts: only what is beside them counts.
+    Where the shift has an extremum its bend counts, in the mean over the error.
 
     Parameters
     ----------
@@ -114,9 +119,14 @@ def errors_beside(
     changed : ndarray, shape (reading, 3, datum)
         Changes of centre, amplitude and measured shift by the error of each reading.
     """
-    here = shift(centre, amplitude)
-    beside = [told - (shift(centre + moved, amplitude + more) - here) for moved, more, told in changed]
-    found = np.sqrt(np.sum(np.square(beside), axis=0))
+    here, squares = shift(centre, amplitude), np.zeros(len(measured))
+    for moved, more, told in changed:
+        if moved.any() or more.any():
+            ends = [far * told + here - shift(centre + far * moved, amplitude + far * more) for far in (-_NODE, _NODE)]
+            squares += np.sum(np.square(ends), axis=0) / (2.0 * _NODE**2)
+        else:
+            squares += told**2
+    found = np.sqrt(squares)
     return np.asarray(np.maximum(found, _LEAST_ERROR * float(np.abs(measured).max())))
 
 
@@ -173,6 +183,7 @@ def _read(
     if span < _LEAST_SPAN:
         hint = f"in m? then they span {span * 1e9:g} nm" if span else "all are one"
         raise InputError("Zc_nm", span, f"distances that span {_LEAST_SPAN:g} nm or more", hint)
+    columns[_ROW] = np.arange(len(table), dtype=float)
     return {k: v[whole] for k, v in columns.items()}, {k: v[whole] for k, v in errors.items()}
 
 
@@ -212,4 +223,5 @@ def _observed(
         stiffnesses[mode - 1],
         sum(1.0 / k for k in stiffnesses),
         np.array(changed).reshape(len(changed), 3, len(shift)),
+        columns[_ROW].astype(np.int64),
     ).ordered()

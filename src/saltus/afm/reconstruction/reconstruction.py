@@ -26,6 +26,7 @@ from saltus.afm.reconstruction.observed import (
     errors_beside,
     frequency_modulation,
 )
+from saltus.afm.reconstruction.repeated_rows import contradictions
 from saltus.errors import InputError
 from saltus.fitting.measured import read_table
 from saltus.linear_threads import one_thread
@@ -193,7 +194,7 @@ def _made(observed: Observed, probe: Probe, method: str, errors_given: bool) -> 
     ]
     for message in messages:
         warnings.warn(f"saltus: {message}", RuntimeWarning, stacklevel=4)
-    messages += _left_out(made, greatest)
+    messages += _left_out(made, greatest) + contradictions(observed, made.errors)
     return ReconstructedForce(
         made.gaps, made.force, made.sigma, method, probe.R_nm, observed.k, made.centre, observed.amplitude,
         observed.shift, made.errors, observed.changed, made.chi2, halved, tested, tuple(messages), errors_given,
@@ -325,4 +326,5 @@ def _every_other(observed: Observed) -> Observed:
         amplitude=observed.amplitude[::2],
         shift=observed.shift[::2],
         changed=observed.changed[..., ::2],
+        row=observed.row[::2],
     )

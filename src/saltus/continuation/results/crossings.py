@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from saltus.continuation.results.special_points import SpecialPoints
 
-__all__ = ["OneParameterCurve", "comes_to", "extremes_of", "solutions_at"]
+__all__ = ["OneParameterCurve", "comes_to", "covered", "extremes_of", "solutions_at"]
 
 _APART = 1e-9  # distance in arclength below which a special point is a point of the branch
 _END = 1e-12  # difference of an end from a value, over the value or the range, that is rounding
@@ -58,6 +58,17 @@ def comes_to(curve: OneParameterCurve[Solved], value: float) -> bool:
     """Return whether the points of a branch come to a value of its parameter, but for rounding."""
     least, largest, rounding = float(curve.values.min()), float(curve.values.max()), _rounding(curve, value)
     return least - rounding <= value <= largest + rounding
+
+
+def covered(curves: Iterable[OneParameterCurve[Solved]]) -> list[tuple[float, float]]:
+    """Return the ranges to which the points of some branches come, joined where they overlap, in ascending order."""
+    ranges: list[tuple[float, float]] = []
+    for low, high in sorted((float(one.values.min()), float(one.values.max())) for one in curves):
+        if ranges and low <= ranges[-1][1]:
+            ranges[-1] = ranges[-1][0], max(high, ranges[-1][1])
+        else:
+            ranges.append((low, high))
+    return ranges
 
 
 def _rounding(curve: OneParameterCurve[Solved], value: float) -> float:
