@@ -23,8 +23,12 @@ _IDLE = "about:blank"
 _FIELDS = "axis-[xy]|parameter-|start-|sweep-values"  # classes of fields
 _SERVER = """
 import gc, signal, sys
+def pages(*told):
+    names = [type(one).__qualname__ for one in gc.get_objects() if type(one).__module__ == 'saltus.explorer.page']
+    print('pages:', names.count('Page'))
 if hasattr(signal, 'SIGUSR1'):
     signal.signal(signal.SIGUSR1, lambda *told: gc.collect())  # for tests of its memory
+    signal.signal(signal.SIGUSR2, pages)
 from saltus.cli import main
 main(sys.argv[1:])
 """

@@ -1,5 +1,8 @@
 """Widgets: each is found by its class, and tells a change to whoever listens."""
 
+import gc
+import weakref
+
 import pytest
 from bokeh.document import Document
 from panel.io.state import set_curdoc
@@ -119,3 +122,12 @@ def test_an_error_without_a_page_is_raised():
     widgets.tell_faults(Teller().tell)  # a page that is gone
     with pytest.raises(TypeError, match="no number"):
         widgets.guarded(broken)("1")
+
+
+def test_a_button_that_is_gone_is_forgotten():
+    made = widgets.button("Undo", "undo")
+    widgets.on_seen_click(made, "undo")
+    gone = weakref.ref(made)
+    del made
+    gc.collect()
+    assert gone() is None

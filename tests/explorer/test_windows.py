@@ -2,6 +2,7 @@
 
 import os
 import re
+import signal
 
 import pytest
 
@@ -143,6 +144,19 @@ def test_a_page_whose_server_is_gone_says_so_and_comes_back(window, address, scr
     page.click(".find-orbit")
     for shown in (screen, other):
         shown.wait("orbit2")
+
+
+def test_pages_that_are_left_are_no_burden(window, server, home):
+    address, process = server
+    screen = Screen(window.new_page(), address)
+    log, counts = home / "server.log", []
+    for loads in range(1, 9):
+        screen.page.reload()
+        screen.page.wait_for_selector(".find-orbit")
+        os.kill(process.pid, signal.SIGUSR2)
+        screen.eventually(lambda loads=loads: log.read_text().count("pages:") == loads)
+        counts.append(int(log.read_text().rpartition("pages:")[2]))
+    assert max(counts) <= 5, counts
 
 
 def test_a_session_that_another_server_has_open_says_so(window, address, home):

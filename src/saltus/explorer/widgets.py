@@ -80,7 +80,7 @@ def on_seen_click(made: Any, kind: str) -> None:
 
     What the server would do with the click may have changed since the person looked: it can compare the tag.
     """
-    made.js_on_click({"button": made}, f"wish(['{kind}', button.tags[0]])")
+    made.js_on_click(code=f"wish(['{kind}', source.tags[0]])")  # Panel keeps what is handed over, for good
 
 
 def on_change(made: Any, work: Callable[[Any], object], what: str = "value") -> None:
