@@ -3,6 +3,7 @@
 import gc
 import weakref
 
+import panel as pn
 import pytest
 from bokeh.document import Document
 from panel.io.state import set_curdoc
@@ -131,3 +132,15 @@ def test_a_button_that_is_gone_is_forgotten():
     del made
     gc.collect()
     assert gone() is None
+
+
+def test_work_for_a_page_is_done_as_this_page_whichever_asks():
+    """Panel puts off changes of a page that is not the one at work: they would come behind later ones."""
+    asking, asked, seen = Document(), Document(), []
+    with set_curdoc(asked):
+        post = widgets.poster()
+    with set_curdoc(asking):
+        post(lambda: seen.append(pn.state.curdoc))
+        (callback,) = asked.session_callbacks
+        callback.callback()
+    assert seen == [asked]

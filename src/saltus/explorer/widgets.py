@@ -10,6 +10,7 @@ from typing import Any, ParamSpec
 from weakref import WeakKeyDictionary, WeakMethod
 
 import panel as pn
+from panel.io.state import set_curdoc
 
 from saltus import checks
 
@@ -94,7 +95,21 @@ def on_change(made: Any, work: Callable[[Any], object], what: str = "value") -> 
 def poster() -> Callable[[Callable[[], None]], object]:
     """Return a function that does work soon, with the lock of the page that is made now; at once without a server."""
     document = pn.state.curdoc
-    return (lambda work: work()) if document is None else lambda work: document.add_next_tick_callback(guarded(work))
+    if document is None:
+        return lambda work: work()
+
+    def post(work: Callable[[], None]) -> None:
+        done = guarded(work)
+
+        def here() -> None:
+            with set_curdoc(
+                document
+            ):  # else that of the page that asks: Panel would put changes off, behind later ones
+                done()
+
+        document.add_next_tick_callback(here)
+
+    return post
 
 
 def settler() -> Callable[[Callable[[], None]], object]:
