@@ -23,6 +23,7 @@ __all__ = ["Reading", "reread"]
 
 _MOST = 30  # evaluations of a search, at most
 _LOWER = 0.1  # chi2 over the one of the data as they are, below which a reading is named
+_BETTER = 0.5  # the same of a reading that fits
 
 
 class Reading(NamedTuple):
@@ -80,7 +81,7 @@ def reread(
         return ""
     before, after = (float(np.mean(one.evaluation.residuals**2)) for one in (found, there))
     fits = after <= largest_chi2(there.evaluation.residuals.size)
-    if fits or after < _LOWER * before:
+    if after < _LOWER * before or (fits and after < _BETTER * before):
         return (
             f"the data fit{'' if fits else ' better'} with {best.words}: chi2/n = {after:.3g} instead of {before:.3g}"
         )

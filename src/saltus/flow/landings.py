@@ -77,7 +77,8 @@ def warn_of(landings: tuple[Landing, ...]) -> None:
 def warn_behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> None:
     """Warn where a motion starts behind a wall of its mode, whoever called the caller.
 
-    A wall is an event that leads back to its mode, and whose reset throws motions back: no motion gets past it.
+    A wall is an event without a condition that leads back to its mode, and whose reset throws motions back: no motion
+    gets past it.
 
     Parameters
     ----------
@@ -90,7 +91,9 @@ def warn_behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np
     """
     for k, transition in enumerate(system.transitions):
         own = system.mode_index(transition.source) == mode == system.mode_index(transition.target)
-        if not own or not transition.direction or not transition.reset or at_phases(system, transition):
+        if not own or not transition.direction or not transition.reset or transition.when is not None:
+            continue
+        if at_phases(system, transition):
             continue
         value = _behind_wall(system, p, x, k)
         if value is not None:
@@ -108,7 +111,7 @@ def _behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.flo
     At this height the state is given the speed that would bring it there, and the reset is tried.
     """
     n, direction, compiled = x.size, system.transitions[k].direction, system.compiled
-    extended, seen, thrown, condition = compiled.extended(p), np.empty(2 + 2 * n), np.empty(n), np.empty(1)
+    extended, seen, thrown = compiled.extended(p), np.empty(2 + 2 * n), np.empty(n)
     compiled.call("event_x", k, 0, x, extended, seen)
     value, rate = float(seen[0]) * direction, float(seen[1]) * direction
     mode = system.mode_index(system.transitions[k].source)
@@ -121,8 +124,7 @@ def _behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.flo
     length, faster = float(turn @ turn), (abs(rate) + float(np.abs(turn) @ np.abs(x))) or 1.0
     moved = x + turn * ((faster - rate) / length if length > 0.0 else 0.0)
     compiled.call("event_x", k, 0, moved, extended, seen)
-    compiled.call("guard", len(system.modes) + k, 0, moved, extended, condition)
-    if not (float(seen[1]) * direction > 0.0 and condition[0] > 0.0):
+    if not float(seen[1]) * direction > 0.0:
         return None
     compiled.call("reset", k, 0, moved, extended, thrown)
     compiled.call("event_x", k, 0, thrown, extended, seen)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.contents import Contents
+    from saltus.orbits.problem import OrbitProblem
 
 __all__ = ["Branch"]
 
@@ -115,6 +116,11 @@ class Branch(OneParameter[PeriodicOrbit], OrbitCurve):
             return super()._parameters_at(index)
         free = {self.fixed.free: float(self.freed[index])} if self.fixed.free else {}
         return dict(self.parameters) | free
+
+    def _known(self, index: int, problem: OrbitProblem) -> NDArray[np.complex128]:
+        """See `OrbitColumns._known`; at a grazing they are limits."""
+        known: NDArray[np.complex128] = self.multipliers[index]
+        return known
 
     def _fixed(self, index: int) -> Fixed | None:
         return None if self.fixed is None else replace(self.fixed, value=float(self.values[index]))

@@ -21,7 +21,7 @@ from saltus.orbits.observables.sampling import motion_of
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.orbit import orbit_at
 from saltus.orbits.problem import OrbitProblem, follow_from
-from saltus.orbits.signature import Signature
+from saltus.orbits.signature import CUT_END, Signature
 from saltus.orbits.unfolding import Fixed
 from saltus.result import frozen
 
@@ -332,9 +332,15 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
 
     def _solution(self, index: int) -> PeriodicOrbit:
         problem, u = self._solved(index)
-        # those of the curve know more: limits at a grazing, directions of the flow where a cycle comes near a rest
-        values = self.multipliers[index]
+        values = self._known(index, problem)
         return orbit_at(problem, u, problem.resolve(u)[1], values=values, fixed=self._fixed(index))
+
+    def _known(self, index: int, problem: OrbitProblem) -> NDArray[np.complex128] | None:
+        """Return the multipliers of a point's orbit where the curve knows more of them than the orbit tells.
+
+        Of a cycle that is cut they come with the flow's directions, which the field does not give at an equilibrium.
+        """
+        return self.multipliers[index] if CUT_END in problem.signature.kinds else None
 
     def _fixed(self, index: int) -> Fixed | None:
         """Return what is fixed of one point's orbit, and what is freed; None along parameters."""
