@@ -102,9 +102,8 @@ def poster() -> Callable[[Callable[[], None]], object]:
         done = guarded(work)
 
         def here() -> None:
-            with set_curdoc(
-                document
-            ):  # else that of the page that asks: Panel would put changes off, behind later ones
+            # Panel would take the page that asks, and put changes off, behind later ones
+            with set_curdoc(document):
                 done()
 
         document.add_next_tick_callback(here)

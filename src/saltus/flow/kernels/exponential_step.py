@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from saltus.flow import exponential
-from saltus.flow.kernels.lawson_step import EACH, HEAD, STALLED, SWEEPS
+from saltus.flow.kernels.lawson_step import EACH, HEAD, ONE, PROBES, STALLED, SWEEPS, probes
 from saltus.flow.kernels.segment import FIELD, VARY
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, apart, call, outlined, pointer
@@ -23,9 +23,6 @@ C = exponential.NODES
 TAILS = exponential.TAILS.ravel()
 ENOUGH = 1e-15  # change of w x in the next sweep, over its size, that is none
 ROUNDING = 1e-16  # of a coefficient, over the sum of the values' sizes
-ONE = 1e-11  # what one function does not explain of the field or its slopes, over these
-PROBES = 3  # directions in which slopes are taken: a state, one in which all states take part, the phase
-GOLDEN = 0.6180339887498949
 
 
 class Level(NamedTuple):
@@ -295,7 +292,7 @@ def one_function(segment, linear, partners, x, driven):
     outlined()
     n, own, row = segment.n, int(linear[0]), int(linear[1])
     given, out, mode, p = driven.given, driven.out, segment.mode, segment.p
-    height, probed = 0.0, 0.0
+    height, probed = 0.0, probes(linear, n, given)
     for e in range(own):
         height += linear[HEAD + EACH * e + 4] * x[e]
     states = driven.states  # behind the step: scratch
@@ -306,13 +303,6 @@ def one_function(segment, linear, partners, x, driven):
                 given[e] = x[e]
         else:
             alone(linear, n, height, x[n - 1], given)
-        probed = 0.0
-        for e in range(n):
-            probe = 0.5 + (GOLDEN * e) % 1.0 if e < own else 0.0
-            given[n + PROBES * e] = 1.0 if e == int(linear[2]) else 0.0
-            given[n + PROBES * e + 1] = probe
-            given[n + PROBES * e + 2] = 1.0 if e >= own else 0.0
-            probed += linear[HEAD + EACH * e + 4] * probe
         call(segment.functions[VARY], mode, PROBES, given, 0, p, out, 0)
         values = here if way == 0 else there
         for e in range(4 * n):

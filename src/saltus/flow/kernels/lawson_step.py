@@ -27,6 +27,9 @@ EACH = 5  # numbers of a linear part for each component
 SWEEPS = 30  # of the stages' equations, at most
 SOLVED = 1e-14  # change of a stage in a sweep, over the state's size, behind which the next one is rounding
 STALLED = 1e-12  # the same, up to which changes that no longer shrink are rounding
+ONE = 1e-11  # what one function does not explain of the field or its slopes, over these
+PROBES = 3  # directions in which slopes are taken: a state, one in which all states take part, the phase
+GOLDEN = 0.6180339887498949
 ROUNDING = 1e-15  # of a coefficient, over the values
 
 
@@ -355,3 +358,16 @@ def error_of(n, stages, x, x_end, rtol, atol):
     for e in range(n):
         worst = max(worst, tail(pointer(stages.kicks, e * STAGES)) / (atol + rtol * max(abs(x[e]), abs(x_end[e]))))
     return worst
+
+
+@njit(**INNER)
+def probes(linear, n, given):
+    """Write the directions of slopes behind a state, a state, all, and the phase; return w times the second one."""
+    own, seen = int(linear[0]), 0.0
+    for e in range(n):
+        probe = 0.5 + (GOLDEN * e) % 1.0 if e < own else 0.0
+        given[n + PROBES * e] = 1.0 if e == int(linear[2]) else 0.0
+        given[n + PROBES * e + 1] = probe
+        given[n + PROBES * e + 2] = 1.0 if e >= own else 0.0
+        seen += linear[HEAD + EACH * e + 4] * probe
+    return seen

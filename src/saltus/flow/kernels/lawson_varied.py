@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from saltus.flow.kernels.lawson_step import EACH, HEAD, STAGES, A, B, framed, integrated, tail, whole
+from saltus.flow.kernels.lawson_step import (
+    EACH,
+    HEAD,
+    ONE,
+    PROBES,
+    STAGES,
+    A,
+    B,
+    framed,
+    integrated,
+    probes,
+    tail,
+    whole,
+)
 from saltus.flow.kernels.segment import FIELD_P, VARIED, VARY
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, apart, call, outlined, pointer
-
-ONE = 1e-11  # what one function does not explain of the field's slopes, over these
-PROBES = 3  # directions in which slopes are taken: a state, one in which all states take part, the phase
-GOLDEN = 0.6180339887498949
 
 
 @njit(**INNER)
@@ -17,13 +26,7 @@ def linearised(segment, linear, frame, stages, varied):
     """Write how the rest's function moves the states and depends on them at each node; whether there is but one."""
     outlined()
     n, own, row, given, out = segment.n, int(linear[0]), int(linear[1]), stages.frame, stages.out
-    seen = 0.0
-    for e in range(n):
-        probe = 0.5 + (GOLDEN * e) % 1.0 if e < own else 0.0
-        given[n + PROBES * e] = 1.0 if e == int(linear[2]) else 0.0
-        given[n + PROBES * e + 1] = probe
-        given[n + PROBES * e + 2] = 1.0 if e >= own else 0.0
-        seen += linear[HEAD + EACH * e + 4] * probe
+    seen = probes(linear, n, given)
     for i in range(STAGES):
         for e in range(n):
             given[e] = stages.points[i * n + e]
