@@ -170,11 +170,26 @@ def test_errors_of_the_command_are_one_line(arguments, line, tmp_path):
     assert done.stderr.count("\n") == 1
 
 
-def test_the_process_that_works_starts_before_a_browser_has_the_page(tmp_path):
+def test_the_process_that_works_starts_before_a_browser_asks_and_is_taken_over(tmp_path):
     with served(tmp_path, "tapping-mode-1") as (address, process):
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
         if not children.exists():
             pytest.skip("this system does not tell the children of a process")
-        before = len(children.read_text().split())
+
+        def working() -> list[str]:
+            numbers = children.read_text().split()
+            return [number for number in numbers if "spawn_main" in Path(f"/proc/{number}/cmdline").read_text()]
+
+        before = working()
+        assert len(before) == 1
         assert asked(address, f"/?token={TOKEN}")[0] == 200
-        assert len(children.read_text().split()) > before
+        assert working() == before
+
+
+def test_a_page_is_made_without_what_only_computations_need():
+    code = (
+        "import sys, saltus.explorer.server, saltus.explorer.page, saltus.explorer.views.session_view\n"
+        "print([name for name in ('numba', 'xarray', 'scipy.optimize', 'matplotlib') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    assert done.stdout.strip() == "[]"

@@ -12,7 +12,6 @@ import numpy as np
 
 from saltus import checks
 from saltus.ensemble.fallback import follow_alone
-from saltus.ensemble.kernels.life import run
 from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE, Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
@@ -295,6 +294,8 @@ class Ensemble:
 
     def _run(self, motions: Motions, regions: Regions, boxes: Boxes, settings: Settings, found: Found) -> None:
         """Follow motions by lanes; `found` is written."""
+        from saltus.ensemble.kernels.life import run  # with Numba, which takes its time
+
         compiled, count = self._lanes, len(motions.points)
         assert compiled is not None
         lanes = compiled.with_numbers(self._constants, self._quantities)

@@ -10,7 +10,6 @@ import numpy as np
 
 from saltus import checks
 from saltus.ensemble.ensemble import boxes_of, checked_points, follow_pieces, part_of, regions_of
-from saltus.ensemble.kernels import map as kernels
 from saltus.ensemble.labels import NOT_DONE, UNDECIDED, Boxes, Found, Motions, Settings
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
@@ -18,7 +17,6 @@ from saltus.flow.variational import Average, Growth
 from saltus.maps.code import MapCode, code_of
 from saltus.maps.growth import growth_of_map
 from saltus.maps.iterates import path_from
-from saltus.maps.kernels.steps import DONE, images
 from saltus.system.angles import refuse
 from saltus.system.tiling import pieces_error
 from saltus.work import processors
@@ -132,6 +130,8 @@ class MapEnsemble:
         DefinitionError
             A state is met at which no piece holds, or several do.
         """
+        from saltus.maps.kernels.steps import DONE, images  # with Numba, which takes its time
+
         if count < 1:
             raise InputError("count", count, "at least 1")
         x = np.array(self._points(points))
@@ -218,6 +218,8 @@ class MapEnsemble:
     def _followed(
         self, points: ArrayLike, traps: Traps, longest: int
     ) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.float64]]:
+        from saltus.ensemble.kernels import map as kernels
+
         x = self._points(points)
         m = len(x)
         motions = Motions(x, np.zeros(m, np.int64))

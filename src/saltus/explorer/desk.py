@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from saltus.explorer.steps import Step
     from saltus.progress import Progress
 
-__all__ = ["DELETED", "FILM", "Desk", "Job", "Listener", "Work"]
+__all__ = ["DELETED", "FILM", "Desk", "Job", "Listener", "Work", "start_ahead"]
 
 FILM = "film.gif"  # file of a session's folder that has the last film
 DELETED = "this session was deleted in another page"
@@ -66,6 +66,19 @@ class Listener:
 
     def told(self, line: str, *, error: bool = False) -> None:
         """A line is to be shown."""
+
+
+def start_ahead() -> None:
+    """Start a process that works before there is a desk, which takes it over.
+
+    Raises
+    ------
+    SaltusError
+        The system allows no further process.
+    """
+    ahead = Companion(prepare)
+    ahead.start()
+    ahead.leave()
 
 
 def _at_once(work: Callable[[], None]) -> None:
@@ -198,7 +211,7 @@ class Desk:
         self._hand_over(told)
 
     def warm(self) -> None:
-        """Let the companion load what basins need, as long as nothing else is wanted."""
+        """Let the companion load what branches and basins need, as long as nothing else is wanted."""
         self._warming = self._companion.submit(warm, self.session.subject.definition, self.session.settings.x0)
 
     def _hand_over(self, job: Job) -> None:

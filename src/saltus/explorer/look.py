@@ -25,6 +25,7 @@ __all__ = [
     "bare_label",
     "colour_of_mode",
     "complex_text",
+    "draw",
     "ends_of",
     "figure_of",
     "fit",
@@ -77,7 +78,7 @@ def figure_of(name: str, **options: Any) -> figure:
     ranges = {"x_range": Range1d(-1.0, 1.0), "y_range": Range1d(-1.0, 1.0)}
     given = {"sizing_mode": "stretch_both", "toolbar_location": "above", "min_border_right": 12} | ranges | options
     made = figure(name=f"{name}-figure", tools=_TOOLS, **given)
-    made.toolbar.active_scroll = made.select_one(WheelZoomTool)
+    made.toolbar.active_scroll = next(tool for tool in made.toolbar.tools if isinstance(tool, WheelZoomTool))
     made.toolbar.logo, made.toolbar.autohide = None, True
     made.outline_line_color = _LINE
     made.grid.grid_line_alpha = 0.35
@@ -87,6 +88,34 @@ def figure_of(name: str, **options: Any) -> figure:
         axis.major_tick_line_color, axis.minor_tick_line_color = _LINE, None
         axis.axis_label_text_color = axis.major_label_text_color = _GREY
     return made
+
+
+def draw(made: figure, kind: str, source: Any, *, name: str = "", level: Any = "glyph", **properties: Any) -> Any:
+    """Add a glyph to a figure, without those that Bokeh's figures make beside it for places that are not selected.
+
+    Parameters
+    ----------
+    made : bokeh.plotting.figure
+        The figure.
+    kind : str
+        A class of glyphs in `bokeh.models`.
+    source : ColumnDataSource
+        What is drawn.
+    name : str, optional
+        By which tests and scripts find it.
+    level : str, optional
+        Before or behind what it is drawn.
+    **properties : object
+        Properties of the glyph.
+
+    Returns
+    -------
+    bokeh.models.GlyphRenderer
+        What draws it.
+    """
+    import bokeh.models
+
+    return made.add_glyph(source, getattr(bokeh.models, kind)(**properties), name=name or None, level=level)
 
 
 def fit(made: figure, x: Sequence[float], y: Sequence[float], margin: float = _MARGIN) -> None:

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import InputError, SaltusError
-from saltus.explorer import look, widgets
+from saltus.explorer import widgets
 from saltus.explorer.basin_search import Search, map_plane
 from saltus.explorer.desk import FILM, Desk, Listener, Work
 from saltus.explorer.kinds import kind_of, motion_step
+from saltus.explorer.lines import line_of, share_of, title_of
 from saltus.explorer.live import Live
 from saltus.explorer.numerics import with_numerics
 from saltus.explorer.parameter_view import ParameterView
@@ -24,7 +25,6 @@ from saltus.explorer.points.view import PointView
 from saltus.explorer.points.wishes import Wishes
 from saltus.explorer.solutions import observable_of, traits_of
 from saltus.explorer.steps import Basin, Place, Step, taken
-from saltus.explorer.tasks import expect_results
 from saltus.explorer.views.action_view import ActionView, StartView
 from saltus.explorer.views.basin_view import BasinView
 from saltus.explorer.views.diagram_view import DiagramView
@@ -35,7 +35,6 @@ from saltus.explorer.views.numerics_view import NumericsView
 from saltus.explorer.views.orbit_view import OrbitView
 from saltus.explorer.views.session_view import link
 from saltus.explorer.views.space_view import SpaceView
-from saltus.explorer.work_line import line_of, share_of
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry
@@ -46,6 +45,8 @@ __all__ = ["Page"]
 _STOP = "Stop"  # what the button says before it was pressed
 _END = "End now"  # and after
 _PLANE = 2  # states of a plane of basins
+_BASINS = "Basins"  # name on a tab
+_SPACE = "3-D"  # likewise
 _LIVE_PACE = 8  # milliseconds between two looks for what is drawn while a slider moves
 
 
@@ -75,13 +76,11 @@ class Page(Listener):
         self.orbit = OrbitView(self.session, self._line, desk.application.readings, self._simulate)
         self.plane = self.orbit.plane
         self.live = Live(self.plane.show_frame)
-        self.basins = BasinView(self.session, self._map, self._follow_cell)
-        self.equations = EquationsView(self.session, defined)
-        self.space = SpaceView(self.session, self.diagram.colour)
-        parts: dict[str, Any] = {"Basins": self.basins, "3-D": self.space, "Equations": self.equations}
-        if len(self.session.system.states) < _PLANE:
-            del parts["Basins"]
-        self.orbit.tabs.extend([(name, part.panel) for name, part in parts.items()])
+        self._later = self.orbit.later
+        if len(self.session.system.states) >= _PLANE:
+            self._later.add(_BASINS, self._basin_view)
+        self._later.add(_SPACE, lambda: SpaceView(self.session, self.diagram.colour))
+        self._later.add("Equations", lambda: EquationsView(self.session, defined))
         self.parameters = ParameterView(self.session, self._values_changed, self._slides, self._line)
         self.numerics = NumericsView(self.session, self._settings_changed, self._line)
         self.starts = StartView(self.session, self.run, self._observed, self._line)
@@ -279,7 +278,7 @@ class Page(Listener):
 
     def _hidden_changed(self) -> None:
         self.diagrams.redraw()
-        self.space.redraw()
+        self._redraw_space()
         self.plane.draw()
         self._settings_changed()
 
@@ -296,9 +295,9 @@ class Page(Listener):
         if wrong := [name for name, ends in free.items() if not all(map(isfinite, ends))]:
             self._line(f"an end of the range of {wrong[0]} is empty or infinite: it must be a finite number")
             return
-        solution = self._selected()
+        solution, view = self._selected(), self._later.made(_BASINS)
         given = self.session.changed() if solution is None else dict(solution.parameters)
-        search = Search(given, self.basins.region(free), self.basins.interval)
+        search = Search(given, view.region(free), view.interval)
         self._line("")
         map_plane(self.desk, search, free, frozen, counts)
 
@@ -388,15 +387,30 @@ class Page(Listener):
 
     def _show_all(self) -> None:
         self.diagrams.redraw()
-        self.space.redraw()
+        self._redraw_space()
         self.list.show(self._colour, self.diagram.unseen)
         self.undo.disabled, self.undo.tags = not self.session.entries, [self.session.last]  # at once: as the list says
         self.points.show()
         self._show_selected()
         self._tell_script()
+        if (view := self._later.made(_BASINS)) is not None:
+            self._show_basins(view)
+
+    def _basin_view(self) -> BasinView:
+        made, solution = BasinView(self.session, self._map, self._follow_cell), self._selected()
+        if traits_of(solution).what:
+            made.solution_is(solution)
+        self._show_basins(made)
+        return made
+
+    def _show_basins(self, view: BasinView) -> None:
         basins: list[Any] = [entry.result for entry in self.session.entries if entry.step.noun == "basins"]
         if basins:
-            self.basins.show(basins[-1])
+            view.show(basins[-1])
+
+    def _redraw_space(self) -> None:
+        if (view := self._later.made(_SPACE)) is not None:
+            view.redraw()
 
     def _colour(self, number: int) -> str:
         entry = self.session.entries[number]
@@ -408,32 +422,17 @@ class Page(Listener):
 
     def _show_selected(self) -> None:
         place, solution = self.session.settings.selected, self._selected()
-        told = "" if place is None or solution is None else _title(place, self.session.results, solution)
+        told = "" if place is None or solution is None else title_of(place, self.session.results, solution)
         self.orbit.show(solution, told)
         self.live.start_from(solution)
         self.actions.show(told)
-        if traits_of(solution).what:
-            self.basins.solution_is(solution)
+        view = self._later.made(_BASINS)
+        if view is not None and traits_of(solution).what:
+            view.solution_is(solution)
 
     def begin(self) -> None:
         """Find a first orbit where a session has nothing yet; of a smooth autonomous system an equilibrium."""
         if not self.session.entries and not self.desk.busy:
             settings, find = self.session.settings, kind_of(self.session.system).first
             self.run(find(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
-            widgets.poster()(expect_results)  # while the process works, so that its first result is read at once
         self._ready()
-
-
-def _title(place: Place, results: Any, solution: Any) -> str:
-    """Return HTML that says what is selected."""
-    where = place.of
-    if place.label is not None:
-        point = results[place.of][place.label]
-        where += f" {place.label}, {look.meaning_of(point.type)}"
-    elif place.index is not None:
-        where += f" point {place.index}"
-    varied = getattr(results[place.of], "varied", ())
-    values = ", ".join(f"{look.bare_label(name)} = {solution.parameters[name]:.12g}" for name in varied)
-    stable = None if place.label is not None else getattr(solution, "stable", None)
-    state = "" if stable is None else ("stable" if stable else "unstable")
-    return " · ".join(escape(part) for part in (where, values, state) if part)

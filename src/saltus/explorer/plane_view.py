@@ -302,15 +302,16 @@ def _glyphs(portrait: Any, series: Any) -> dict[str, Any]:
     }
     for name, (figure, look_of) in forms.items():
         made[name] = ColumnDataSource(_no_rows(name))
-        figure.multi_line("xs", "ys", source=made[name], line_color="colour", name=name, **look_of)
+        look.draw(figure, "MultiLine", made[name], line_color="colour", name=name, **look_of)
     for suffix, figure in (("", portrait), ("_over_time", series)):
         name = "visits" + suffix
         made[name] = ColumnDataSource({"x": [], "y": [], "colour": []})
-        figure.scatter("x", "y", source=made[name], size=3, color="colour", level="underlay", name=name)
+        filled = {"fill_color": "colour", "line_color": "colour"}
+        look.draw(figure, "Scatter", made[name], size=3, level="underlay", name=name, **filled)
     for name, colour, width in (("live", _LIVE, 1.0), ("carried", _CARRIED, 2.2)):
         for suffix, figure in (("", portrait), ("_over_time", series)):
             made[name + suffix] = ColumnDataSource({"x": [], "y": []})
-            figure.line("x", "y", source=made[name + suffix], line_color=colour, line_width=width, name=name + suffix)
+            look.draw(figure, "Line", made[name + suffix], line_color=colour, line_width=width, name=name + suffix)
     made["start"] = ColumnDataSource({"x": [], "y": []})
-    portrait.scatter("x", "y", source=made["start"], size=9, marker="cross", color=_LIVE, line_width=2, name="start")
+    look.draw(portrait, "Scatter", made["start"], size=9, marker="cross", line_color=_LIVE, line_width=2, name="start")
     return made

@@ -10,6 +10,7 @@ import socket
 import threading
 import webbrowser
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from errno import EADDRINUSE
 from html import escape
@@ -21,7 +22,9 @@ from typing import TYPE_CHECKING, Any
 from saltus.errors import InputError, SaltusError
 from saltus.explorer import look
 from saltus.explorer.connection import connect, keep_order
+from saltus.explorer.desk import start_ahead
 from saltus.explorer.figures.defaults import remember_defaults
+from saltus.explorer.tasks import expect_results
 from saltus.work import uncollected
 
 if TYPE_CHECKING:
@@ -123,7 +126,9 @@ def _page_of(office: Office) -> Callable[[], Any]:
             pn.state.on_session_destroyed(_collect_soon)
             pn.state.onload(page.begin)
             _template(office, page, sessions).server_doc(pn.state.curdoc)
-        desk.start()  # beside the browser, which loads the page
+        desk.start()
+        # beside the browser, which loads the page: the first result is read at once then
+        threading.Thread(target=expect_results, daemon=True).start()
         return None
 
     return make
@@ -265,6 +270,8 @@ def serve(
     InputError
         The wanted port is taken, or the host is no address of this machine.
     """
+    with suppress(SaltusError):  # the first desk tries again, and tells it
+        start_ahead()  # while this process imports what pages need
     with uncollected():
         import panel as pn
         from tornado.ioloop import PeriodicCallback

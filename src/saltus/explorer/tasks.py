@@ -13,6 +13,7 @@ from saltus.errors import InputError, SaltusError
 from saltus.explorer.solutions import quantity_of
 from saltus.explorer.steps import step_from
 from saltus.explorer.subjects import system_of
+from saltus.solution import Solution
 from saltus.work import uncollected
 
 if TYPE_CHECKING:
@@ -22,7 +23,12 @@ if TYPE_CHECKING:
 __all__ = ["Outcome", "expect_results", "normal_forms", "prepare", "take", "warm"]
 
 
+_SHARE = 0.2  # of a parameter, by which a branch is followed ahead of time
+_POINTS = 20  # of it, at most
 _PACE = 0.1  # seconds between two solutions whose place is told, at least
+
+
+_FOUND: dict[str, Any] = {}  # in the process that works: the solution that was found last
 
 
 class Outcome(NamedTuple):
@@ -34,20 +40,24 @@ class Outcome(NamedTuple):
 
 
 def prepare() -> None:
-    """Import what steps need, before the first one."""
+    """Import what a first orbit needs, before it is looked for."""
     import scipy.linalg  # noqa: F401
 
-    import saltus.basins
-    import saltus.continuation
-    import saltus.sweeps  # noqa: F401
+    import saltus.flow.radau
+    import saltus.orbits.find
+    import saltus.orbits.kernels.pencil
+    import saltus.orbits.kernels.survey
+    import saltus.orbits.kernels.together  # noqa: F401
 
     expect_results()
 
 
 def expect_results() -> None:
-    """Import what a result needs on its way from one process to another."""
+    """Import what a result needs on its way from one process to another, and to be drawn there."""
     with uncollected():
         import xarray
+
+        import saltus.orbits.kernels.curve  # noqa: F401
 
         xarray.Dataset({"none": ("none", [])})  # the first one imports other packages
 
@@ -83,6 +93,8 @@ def take(
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", RuntimeWarning)
         result = step_from(plain).run(system_of(definition), results, _Watch(axes, progress))
+    if isinstance(result, Solution):
+        _FOUND["solution"] = result
     notes = tuple(dict.fromkeys(str(warning.message) for warning in told if warning.category is RuntimeWarning))
     return Outcome(result, time.perf_counter() - begun, notes)
 
@@ -104,7 +116,9 @@ class _Watch:
 
 
 def warm(definition: str, x0: tuple[float, ...], progress: Report | bool) -> None:
-    """Load the code of basins for a system, so that the first ones come at once; nothing is kept.
+    """Load the code of branches and basins for a system, so that the first ones come at once; nothing is kept.
+
+    The last solution that was found in this process is followed a little.
 
     Parameters
     ----------
@@ -115,15 +129,29 @@ def warm(definition: str, x0: tuple[float, ...], progress: Report | bool) -> Non
     progress : callable or bool
         Not used.
     """
+    system = system_of(definition)
+    for load in (_load_branches, lambda: _load_basins(system, x0)):
+        with warnings.catch_warnings(), suppress(SaltusError):  # whoever asks for branches or basins is told
+            warnings.simplefilter("ignore")
+            load()
+
+
+def _load_branches() -> None:
+    from saltus.continuation import StepControl, continue_branch
+
+    if (first := _FOUND.get("solution")) is not None and first.parameters:
+        name, value = next(iter(first.parameters.items()))
+        wide = _SHARE * abs(value) or _SHARE
+        continue_branch(first, name, (value - wide, value + wide), steps=StepControl(max_points=_POINTS))
+
+
+def _load_basins(system: Any, x0: tuple[float, ...]) -> None:
     from saltus.basins import AttractorOptions, find_attractors, map_basins
 
-    system = system_of(definition)
     region = {name: (x - 0.1, x + 0.1) for name, x in zip(system.states, x0, strict=False)}
     first, *others = system.states
     grid: dict[str, Any] = {first: (*region[first], 8)} | {name: sum(region[name]) / 2.0 for name in others}
-    with warnings.catch_warnings(), suppress(SaltusError):  # whoever asks for basins is told
-        warnings.simplefilter("ignore")
-        map_basins(system, {}, grid, find_attractors(system, {}, region, options=AttractorOptions(starts=2, motions=8)))
+    map_basins(system, {}, grid, find_attractors(system, {}, region, options=AttractorOptions(starts=2, motions=8)))
 
 
 def normal_forms(result: Any, progress: Report | bool) -> dict[str, str]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.errors import MapDivergenceError, SaltusError
-from saltus.maps.kernels import steps as kernels
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.tiling import pieces_error
 
@@ -43,7 +42,9 @@ def error_of(
     status: int, step: int, x: NDArray[np.float64], system: Map, p: NDArray[np.float64], limit: float = LIMIT
 ) -> SaltusError:
     """Return the error of a motion that ended early, by the status of a kernel."""
-    if status == kernels.NOWHERE:
+    from saltus.maps.kernels.steps import NOWHERE
+
+    if status == NOWHERE:
         return pieces_error(system, x, p)
     reason = "a component is no number" if np.isnan(x).any() else f"a component is beyond {limit:.3g}"
     return MapDivergenceError(step, x.tolist(), reason)

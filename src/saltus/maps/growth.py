@@ -10,7 +10,6 @@ from saltus import checks
 from saltus.errors import InputError
 from saltus.flow.variational import ROWS, Average, Growth
 from saltus.maps.code import LIMIT, STRETCH, code_of, error_of
-from saltus.maps.kernels import steps as kernels
 from saltus.result import frozen
 
 if TYPE_CHECKING:
@@ -58,6 +57,8 @@ def growth_of_map(
     ----------
     As `saltus.flow.variational.growth_along`.
     """
+    from saltus.maps.kernels import steps as kernels  # with Numba, which takes its time
+
     if average.periods is None:
         raise InputError("Average.t_end", average.t_end, "left out for a map", "periods counts its iterations")
     n, periods = len(system.states), average.periods

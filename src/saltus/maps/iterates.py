@@ -14,7 +14,6 @@ from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.maps.code import LIMIT, STRETCH, MapCode, code_of, error_of
-from saltus.maps.kernels import steps as kernels
 from saltus.maps.observing import observe_states
 from saltus.result import Result, frozen
 from saltus.system.evaluate import evaluate
@@ -248,6 +247,8 @@ def path_from(
     DefinitionError, MapDivergenceError
         As `iterate`.
     """
+    from saltus.maps.kernels import steps as kernels  # with Numba, which takes its time
+
     states, pieces = np.empty((count, len(system.states))), np.empty(count, np.int64)
     at, made = np.array(x, dtype=np.float64), 0
     while True:

@@ -16,8 +16,9 @@ def test_a_figure_has_one_text_which_goes_with_the_data():
     assert {"mousemove", "mouseleave"} <= set(made.js_event_callbacks)
 
 
-def test_no_figure_of_a_solution_tells_twice(session, toys):
+def test_no_figure_of_a_solution_tells_twice(session, toys, heard):
     view = OrbitView(session, print, toys.readings, lambda x0, span: None)
-    for made in (view._portrait, view._series, view.spectrum.figure):
+    view.tabs.active = 1
+    for made in (view._portrait, view._series, view.later.made("Multipliers").figure):
         assert [*made.select(HoverTool)] == []
         assert len([*made.select(Label)]) == 1

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from saltus.explorer import solutions
+from saltus.explorer.figures.spectrum_view import SpectrumView
 from saltus.explorer.views.orbit_view import OrbitView
 
 pytestmark = pytest.mark.usefixtures("heard")
@@ -22,11 +23,17 @@ def viewed(session, lines, toys, name: str = "") -> OrbitView:
     return made
 
 
+def spectrum_of(view: OrbitView) -> SpectrumView:
+    """Return the multipliers of a view, which a person looks at."""
+    view.tabs.active = 1
+    return view.later.made("Multipliers")
+
+
 def test_nothing_is_shown_where_nothing_is_selected(session, lines, toys):
     view = viewed(session, lines, toys)
     assert "click on a branch" in view.title.object
     assert view._sources["portrait"][0].data["xs"] == []
-    spectrum = view.spectrum
+    spectrum = spectrum_of(view)
     assert (spectrum.values.data["x"], spectrum.numbers.object, view._readings.object) == ([], "", "")
 
 
@@ -51,8 +58,8 @@ def test_an_equilibrium_has_a_portrait_of_motions_about_it(still, lines, toys):
     assert len(curves.data["xs"]) > 1
     assert view._portrait.x_range.start < 0.95 < 1.05 < view._portrait.x_range.end
     assert view._near.visible
-    assert view.spectrum.figure.title.text == "Eigenvalues"
-    assert len(view.spectrum.values.data["x"]) == 2
+    assert spectrum_of(view).figure.title.text == "Eigenvalues"
+    assert len(spectrum_of(view).values.data["x"]) == 2
     view.show(still.results["branch2"].solution(5), "")
     assert not view._near.visible
     view._axes[1].value = "x*y"
@@ -62,8 +69,8 @@ def test_an_equilibrium_has_a_portrait_of_motions_about_it(still, lines, toys):
 
 def test_a_motion_has_no_multipliers(session, lines, toys):
     view = viewed(session, lines, toys, "motion1")
-    assert view.spectrum.values.data["x"] == []
-    assert view.spectrum.figure.title.text == ""
+    assert spectrum_of(view).values.data["x"] == []
+    assert spectrum_of(view).figure.title.text == ""
     assert "z at the end" in view._readings.object
     assert len(view._sources["series"][1].data["x"]) == np.sum(session.results["motion1"].events["kind"] == "event")
 

@@ -13,18 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.core.kernels.control import (
-    ANGLE,
-    DEVIATION,
-    FOLDS,
-    RESTS,
-    ROUNDED,
-    TAKEN,
-    growth,
-    judge,
-    predict,
-)
 from saltus.continuation.core.locating import CROWDED, events_between
+from saltus.continuation.core.verdicts import ANGLE, DEVIATION, FOLDS, TAKEN
 from saltus.continuation.core.within_step import dips
 from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, correct
 from saltus.errors import InputError
@@ -32,7 +22,7 @@ from saltus.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["RESTS", "ROUNDED", "Failure", "StepControl", "follow"]
+__all__ = ["Failure", "StepControl", "follow"]
 
 # Why a step is rejected, by what `judge` says of it.
 _MISSTEPS = {
@@ -193,6 +183,8 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
     if isinstance(new, str):
         return new
     new.frame = point.frame
+    from saltus.continuation.core.kernels.control import growth, judge
+
     limits = control.deviation, control.angle
     fault, moved, angle, length = judge(point.weights, point.line, new.line, guess, limits)
     new.arc = point.arc + length
@@ -212,6 +204,8 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
 
 def _predict(point: Point, before: Point | None, h: float) -> NDArray[np.float64]:
     """Return the predicted point at step length `h`, on the cubic through the last two points and their tangents."""
+    from saltus.continuation.core.kernels.control import predict
+
     guess = np.empty_like(point.u)
     last = point.line
     if before is None or before.u.size != point.u.size or before.frame is not point.frame:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.core.arclength import RESTS, ROUNDED
 from saltus.continuation.core.monitor import Monitor, at_grazing
+from saltus.continuation.core.verdicts import RESTS, ROUNDED
 from saltus.continuation.core.zero_problem import Point
 from saltus.orbits.stability.critical import openness
 from saltus.orbits.stability.floquet import Passage, multiplier_errors, nontrivial

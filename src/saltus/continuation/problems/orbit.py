@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
+from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
 from saltus.continuation.problems.changes import limits_of_multipliers
 from saltus.continuation.problems.doubts import DOUBT, search_between

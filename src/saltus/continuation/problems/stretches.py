@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.algebraic.products import combined, pairs
-from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.value_tests import border_tests
+from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import Examined, Point, cubic
 from saltus.continuation.problems.algebraic import PointData

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus.algebraic.conditions import solve_branch_point, solve_saddle_node
-from saltus.continuation.core.arclength import RESTS, StepControl, follow
+from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.multiple import crossing_point
+from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, closes
 from saltus.continuation.problems.extents import extents

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.interest import Interest
+from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.ends.shrinking import at_rest, centre_ahead
 from saltus.continuation.problems.orbit import OrbitZeroProblem

@@ -7,6 +7,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from saltus.explorer.colours import CHOSEN, GROUND, INK
+from saltus.explorer.look import draw
 
 if TYPE_CHECKING:
     from bokeh.plotting import figure
@@ -33,7 +34,7 @@ def tell_at_pointer(made: figure, sources: Sequence[Any]) -> None:
     from bokeh.models import ColumnDataSource, CustomJS, Label
 
     ring = ColumnDataSource({"x": [], "y": []})
-    made.scatter("x", "y", source=ring, size=11, fill_color=CHOSEN, fill_alpha=0.4, line_color=CHOSEN, name="pointed")
+    draw(made, "Scatter", ring, size=11, fill_color=CHOSEN, fill_alpha=0.4, line_color=CHOSEN, name="pointed")
     tip = Label(
         x=0.0, y=0.0, text="", visible=False, name=f"{made.name}-tip", padding=5, border_radius=3, text_color=INK,
         text_font_size="11px", text_line_height=1.3, background_fill_color=GROUND, background_fill_alpha=0.94,

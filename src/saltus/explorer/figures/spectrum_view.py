@@ -61,14 +61,14 @@ class SpectrumView:
         self.numbers = widgets.html("multiplier-table")
         self.values, self.arrows, self._border = (ColumnDataSource(_columns(*names)) for names in (_TOLD, _ARROW, ()))
         made = self.figure
-        made.line("x", "y", source=self._border, line_color=_LINE, line_width=1.2)
-        made.scatter("x", "y", source=self.values, size=9, fill_color=CHOSEN, line_color=INK, name="values")
-        made.scatter(
-            "x", "y", source=self.arrows, size=11, marker="triangle", angle="angle", fill_color=CHOSEN, line_color=INK,
+        look.draw(made, "Line", self._border, line_color=_LINE, line_width=1.2)
+        look.draw(made, "Scatter", self.values, size=9, fill_color=CHOSEN, line_color=INK, name="values")
+        look.draw(
+            made, "Scatter", self.arrows, size=11, marker="triangle", angle="angle", fill_color=CHOSEN, line_color=INK,
             name="arrows",
         )  # fmt: skip
-        made.text(
-            "x", "y", source=self.arrows, text="text", text_align="align", text_baseline="middle", x_offset="aside",
+        look.draw(
+            made, "Text", self.arrows, text="text", text_align="align", text_baseline="middle", x_offset="aside",
             y_offset="below", text_font_size="11px", text_color=INK,
         )  # fmt: skip
         made.xaxis.axis_label, made.yaxis.axis_label = "real part", "imaginary part"

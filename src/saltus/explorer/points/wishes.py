@@ -37,12 +37,13 @@ class Wishes:
     def __init__(self, made: figure) -> None:
         from bokeh.models import ColumnDataSource
 
+        from saltus.explorer.look import draw
         from saltus.explorer.widgets import guarded
 
         take = guarded(self.take)
         self._works: dict[str, Callable[..., object]] = {}
         self.source = ColumnDataSource({"wish": [], "at": []}, name="wishes")
-        made.scatter("at", "at", source=self.source, visible=False)
+        draw(made, "Scatter", self.source, x="at", y="at").visible = False
         self.source.on_change("data", lambda attribute, before, now: take(now["wish"]))
 
     def on(self, kind: str, work: Callable[..., object]) -> None:

@@ -112,26 +112,28 @@ class DiagramView:
 
     def _draw_glyphs(self) -> None:
         made, sources = self.figure, self._sources
-        made.scatter(
-            "x", "y", source=sources["dots"], size="size", color="colour", alpha=0.5, line_color=None, name="dots"
-        )
-        made.scatter("x", "y", source=sources["alone"], size=7, color="colour", name="alone")
-        made.multi_line(
-            "xs", "ys", source=sources["strands"], line_color="colour", line_dash="dash", line_width="width",
+        look.draw(
+            made, "Scatter", sources["dots"], size="size", fill_color="colour", fill_alpha=0.5, line_color=None,
+            name="dots",
+        )  # fmt: skip
+        look.draw(made, "Scatter", sources["alone"], size=7, fill_color="colour", line_color="colour", name="alone")
+        look.draw(
+            made, "MultiLine", sources["strands"], line_color="colour", line_dash="dash", line_width="width",
             name="strands",
         )  # fmt: skip
-        made.scatter("x", "y", source=sources["trail"], size=3, color=colours.CHOSEN, name="trail")
-        made.scatter("x", "y", source=sources["points"], size=9, fill_alpha=0.0, line_alpha=0.0, name="points")
-        made.scatter(
-            "x", "y", source=sources["marks"], size=10, marker="marker", angle="angle", angle_units="deg",
+        trail = {"fill_color": colours.CHOSEN, "line_color": colours.CHOSEN}
+        look.draw(made, "Scatter", sources["trail"], size=3, name="trail", **trail)
+        look.draw(made, "Scatter", sources["points"], size=9, fill_alpha=0.0, line_alpha=0.0, name="points")
+        look.draw(
+            made, "Scatter", sources["marks"], size=10, marker="marker", angle="angle", angle_units="deg",
             line_color="colour", fill_color="fill", name="marks",
         )  # fmt: skip
-        made.text(
-            "x", "y", source=sources["marks"], text="label", x_offset="aside", y_offset="below", text_font_size="11px",
+        look.draw(
+            made, "Text", sources["marks"], text="label", x_offset="aside", y_offset="below", text_font_size="11px",
             text_color="colour", text_align="align",
         )  # fmt: skip
-        made.scatter(
-            "x", "y", source=sources["chosen"], size=17, fill_alpha=0.0, line_color=colours.CHOSEN, line_width=2.5,
+        look.draw(
+            made, "Scatter", sources["chosen"], size=17, fill_alpha=0.0, line_color=colours.CHOSEN, line_width=2.5,
             name="chosen",
         )  # fmt: skip
         tell_at_pointer(made, [sources["marks"], sources["points"]])

@@ -14,6 +14,7 @@ from saltus.explorer.figures.spectrum_view import SpectrumView
 from saltus.explorer.kinds import kind_of
 from saltus.explorer.plane_view import PlaneView
 from saltus.explorer.solutions import path_of, quantities_in_plane, readings_of, traits_of
+from saltus.explorer.views.later_tabs import LaterTabs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["OrbitView"]
 
+_SPECTRUM = "Multipliers"  # name on a tab
 _HEIGHT = 235  # pixels of a figure
 _LINEARISED = '<p class="hint">Lines: motions of the field linearised at the equilibrium.</p>'
 _MOST_EVENTS = 400  # events of a motion that are marked
@@ -44,6 +46,11 @@ class OrbitView:
         Returns what an instrument shows of an orbit, by name.
     simulate : callable
         Called with a start and how long the motion from it is to last, in periods or time.
+
+    Attributes
+    ----------
+    later : LaterTabs
+        Its tabs that are made when they are looked at; others can be added.
     """
 
     def __init__(
@@ -57,14 +64,17 @@ class OrbitView:
         self._shown: Any = None
         self.title = widgets.html("orbit-title")
         self._portrait, self._series = look.figure_of("portrait", height=_HEIGHT), look.figure_of("series", height=190)
-        self.spectrum, self._readings = SpectrumView(), widgets.html("readings")
+        self._readings = widgets.html("readings")
         self._near = widgets.html("nearby", _LINEARISED, (0, 8))
         self._sources = {name: _lines(made) for name, made in (("portrait", self._portrait), ("series", self._series))}
         self._axes = self._choosers()
         self.plane = PlaneView(session, self._portrait, self._series, simulate)
         figures = widgets.pane(self._portrait), self.plane.panel, widgets.pane(self._series)
         one = widgets.column(widgets.row(*self._axes), *figures, self._near)
-        self.tabs = widgets.tabs(Orbit=one, Multipliers=self.spectrum.panel, Observables=self._readings)
+        self.tabs = widgets.tabs(Orbit=one)
+        self.later = LaterTabs(self.tabs)
+        self.later.add(_SPECTRUM, self._spectrum_view)
+        self.tabs.append(("Observables", self._readings))
         self.panel = widgets.column(self.title, self.tabs)
         self.show(None, "")
 
@@ -135,8 +145,14 @@ class OrbitView:
 
     def _tell_numbers(self) -> None:
         shown = self._shown
-        self.spectrum.show(traits_of(shown))
+        if (spectrum := self.later.made(_SPECTRUM)) is not None:
+            spectrum.show(traits_of(shown))
         self._readings.object = look.table(readings_of(shown, self._instrument))
+
+    def _spectrum_view(self) -> SpectrumView:
+        made = SpectrumView()
+        made.show(traits_of(self._shown))
+        return made
 
 
 _NO_LINES: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": [], "mode": [], "width": []}
@@ -156,8 +172,8 @@ def _lines(made: Any) -> tuple[Any, Any, Any]:
 
     made.sizing_mode = "stretch_width"
     curves, events = ColumnDataSource(_NO_LINES), ColumnDataSource(_NO_DOTS)
-    made.multi_line("xs", "ys", source=curves, line_color="colour", line_width="width", name="curves")
-    made.scatter("x", "y", source=events, size="size", color=INK, name="events")
+    look.draw(made, "MultiLine", curves, line_color="colour", line_width="width", name="curves")
+    look.draw(made, "Scatter", events, size="size", fill_color=INK, line_color=INK, name="events")
     vertices = ColumnDataSource({"x": [], "y": [], "tip": []})
     tell_at_pointer(made, [events, vertices])
     return curves, events, vertices

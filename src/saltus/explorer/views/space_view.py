@@ -122,18 +122,19 @@ class SpaceView:
 
         made = self.figure
         tables = {name: ColumnDataSource(_empty(name)) for name in _COLUMNS}
-        made.multi_line("u", "v", source=tables["box"], line_color="#c3c9d1", line_width=1.0)
-        lines = made.multi_line(
-            "u", "v", source=tables["curves"], line_color="colour", line_dash="dash", line_width=2.0, name="curves"
-        )
-        marks = made.scatter(
-            "u", "v", source=tables["marks"], size=8, marker="marker", line_color="colour", fill_color="fill",
-            name="marks",
+        look.draw(made, "MultiLine", tables["box"], xs="u", ys="v", line_color="#c3c9d1", line_width=1.0)
+        lines = look.draw(
+            made, "MultiLine", tables["curves"], xs="u", ys="v", line_color="colour", line_dash="dash", line_width=2.0,
+            name="curves",
+        )  # fmt: skip
+        marks = look.draw(
+            made, "Scatter", tables["marks"], x="u", y="v", size=8, marker="marker", line_color="colour",
+            fill_color="fill", name="marks",
         )  # fmt: skip
         for name in _NAMED:
-            made.text(
-                "u", "v", source=tables[name], text="label", x_offset="aside", y_offset="below", text_align="align",
-                text_font_size="10px", text_color="colour", name=f"{name}-labels",
+            look.draw(
+                made, "Text", tables[name], x="u", y="v", text="label", x_offset="aside", y_offset="below",
+                text_align="align", text_font_size="10px", text_color="colour", name=f"{name}-labels",
             )  # fmt: skip
         made.add_tools(HoverTool(renderers=[marks, lines], tooltips=[("", "@name")]))
         made.toolbar.tools = [tool for tool in made.toolbar.tools if not isinstance(tool, PanTool)]

@@ -7,15 +7,10 @@ from __future__ import annotations
 
 import math
 
+from saltus.continuation.core.verdicts import ANGLE, DEVIATION, FOLDS, RESTS, ROUNDED, TAKEN
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER
 
-RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it is rounding: the parameter rests
-ROUNDED = 1e-11  # change of the parameter within a step, up to which it is rounding
-TAKEN = 0  # a step that may be taken, as `judge` tells
-ANGLE = 1  # a step at which the branch turns too sharply
-DEVIATION = 2  # a step whose end lies too far from the predicted point
-FOLDS = 3  # a step in which the parameter turns twice
 _FAR = 3.0  # length of a step, over that of the last one, from which on a parabola predicts, not a cubic
 
 

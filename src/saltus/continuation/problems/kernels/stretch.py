@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from saltus.continuation.core.kernels.control import TAKEN, growth, judge, predict
+from saltus.continuation.core.kernels.control import growth, judge, predict
+from saltus.continuation.core.verdicts import TAKEN
 from saltus.equilibria.kernels.field import field_at
 from saltus.system.numba_tools.linear import bordered
 from saltus.system.numba_tools.machine_code import njit

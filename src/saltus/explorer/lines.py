@@ -1,17 +1,19 @@
-"""What the page says of work under way: how far it is, how long it takes yet, what waits."""
+"""Lines of the page: how far work under way is, how long it takes yet, what waits; what is selected."""
 
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from saltus.explorer import look
 from saltus.progress import duration_text
 
 if TYPE_CHECKING:
     from saltus.explorer.desk import Work
+    from saltus.explorer.steps import Place
     from saltus.progress import Progress
 
-__all__ = ["line_of", "share_of"]
+__all__ = ["line_of", "share_of", "title_of"]
 
 _SHORTEST = 1.0  # seconds that are left, from which on they are told
 
@@ -60,3 +62,28 @@ def line_of(work: Work) -> str:
 
 def _noun(what: str) -> str:
     return what.partition(":")[0]
+
+
+def title_of(place: Place, results: Any, solution: Any) -> str:
+    """Return HTML that says what is selected.
+
+    Parameters
+    ----------
+    place : Place
+        Where it stands.
+    results : mapping of str to Result
+        The session's results.
+    solution : PeriodicOrbit, Equilibrium or another solution
+        What stands there.
+    """
+    where = place.of
+    if place.label is not None:
+        point = results[place.of][place.label]
+        where += f" {place.label}, {look.meaning_of(point.type)}"
+    elif place.index is not None:
+        where += f" point {place.index}"
+    varied = getattr(results[place.of], "varied", ())
+    values = ", ".join(f"{look.bare_label(name)} = {solution.parameters[name]:.12g}" for name in varied)
+    stable = None if place.label is not None else getattr(solution, "stable", None)
+    state = "" if stable is None else ("stable" if stable else "unstable")
+    return " · ".join(escape(part) for part in (where, values, state) if part)

@@ -1,0 +1,42 @@
+"""Tabs whose content is made when a person looks at them first: a page is shown sooner without it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from saltus.explorer import widgets
+
+__all__ = ["LaterTabs"]
+
+
+class LaterTabs:
+    """Tabs that are empty until each is looked at.
+
+    Parameters
+    ----------
+    tabs : Tabs
+        Panel's tabs, to which they are added.
+    """
+
+    def __init__(self, tabs: Any) -> None:
+        self._tabs = tabs
+        self._makers: dict[str, Callable[[], Any]] = {}
+        self._made: dict[str, Any] = {}
+        self._places: dict[str, Any] = {}
+        widgets.on_change(tabs, self._look_at, "active")
+
+    def add(self, name: str, make: Callable[[], Any]) -> None:
+        """Add a tab; `make` makes its view, an object with a ``panel``."""
+        self._makers[name], self._places[name] = make, widgets.column()
+        self._tabs.append((name, self._places[name]))
+
+    def _look_at(self, active: int) -> None:
+        shown = self._tabs[active]
+        for name in [name for name in self._makers if self._places[name] is shown]:
+            made = self._made[name] = self._makers.pop(name)()
+            self._places[name].append(made.panel)
+
+    def made(self, name: str) -> Any:
+        """Return a tab's view; None of one that nobody has looked at."""
+        return self._made.get(name)
