@@ -29,6 +29,7 @@ __all__ = [
     "ends_of",
     "figure_of",
     "fit",
+    "frame_of",
     "meaning_of",
     "number",
     "page_script",
@@ -116,6 +117,22 @@ def draw(made: figure, kind: str, source: Any, *, name: str = "", level: Any = "
     import bokeh.models
 
     return made.add_glyph(source, getattr(bokeh.models, kind)(**properties), name=name or None, level=level)
+
+
+def frame_of(made: figure, unknown: tuple[float, float]) -> tuple[float, float]:
+    """Return width and height of a figure's frame in pixels; `unknown` as long as no browser has told them.
+
+    Examples
+    --------
+    >>> frame_of(figure_of("some"), (600.0, 340.0))
+    (600.0, 340.0)
+    """
+    from bokeh.core.property.descriptors import UnsetValueError
+
+    try:
+        return float(made.inner_width or unknown[0]), float(made.inner_height or unknown[1])
+    except UnsetValueError:
+        return unknown
 
 
 def fit(made: figure, x: Sequence[float], y: Sequence[float], margin: float = _MARGIN) -> None:

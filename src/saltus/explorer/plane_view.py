@@ -169,8 +169,7 @@ class PlaneView:
         return Window(names, x, y, full_start(self._session.system, settings.x0), self._values)
 
     def _field(self, window: Window) -> dict[str, list[Any]]:
-        known = self._portrait.properties_with_values(include_defaults=False)
-        shape = known.get("inner_width") or _SHAPE[0], known.get("inner_height") or _SHAPE[1]
+        shape = look.frame_of(self._portrait, _SHAPE)
         xs, ys, modes = directions(flowing(self._session.system), window, shape)
         told = [self._session.system.mode_names[mode] for mode in modes]
         return {"xs": xs, "ys": ys, "name": told, "colour": [look.colour_of_mode(mode) for mode in modes]}

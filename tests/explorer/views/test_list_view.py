@@ -67,3 +67,22 @@ def test_a_sweep_tells_where_it_has_no_motion(session):
     entry = session.add(step, step.run(session.system, {}, False))
     told = "no motion at 1 of 2 values; at w = 0: rate of the phase theta = 0.0: must be &gt; 0 and finite"
     assert f'<span class="note">{told}</span>' in line_of(entry, "")
+
+
+def test_a_row_that_tells_the_same_stays(session):
+    shown = ListView(session, lambda: None)
+    shown.show(grey, {})
+    before = [*shown.panel]
+    shown.show(grey, {"sweep1": "no z"})
+    kept = [row is other for row, other in zip(shown.panel, before, strict=True)]
+    assert kept == [entry.name != "sweep1" for entry in session.entries]
+
+
+def test_a_box_shows_what_another_page_has_changed_back(session):
+    shown = ListView(session, lambda: None)
+    shown.show(grey, {})
+    shown.panel[1][0].value = False
+    assert session.settings.hidden == {"branch1"}
+    session.settings.hidden.clear()
+    shown.show(grey, {})
+    assert [row[0].value for row in shown.panel] == [True] * len(session.entries)

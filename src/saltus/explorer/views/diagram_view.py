@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -228,9 +229,11 @@ class DiagramView:
     def _name_marks(self, marks: dict[str, list[Any]]) -> None:
         """Write labels beside marks; those of marks that are close share one place."""
         groups: list[list[int]] = []
-        x, y = (np.array(marks[axis], float) for axis in "xy")
-        for i in range(len(x)):
-            away = [float(self._pixels(x[i] - x[group[0]], y[i] - y[group[0]])) for group in groups]
+        across, up = self._scale()
+        right = (np.array(marks["x"], float) - self.figure.x_range.start) * across
+        down = (self.figure.y_range.end - np.array(marks["y"], float)) * up
+        for i in range(len(right)):
+            away = [math.hypot(right[i] - right[group[0]], down[i] - down[group[0]]) for group in groups]
             if away and min(away) < _CLOSE:
                 groups[int(np.argmin(away))].append(i)
             else:
@@ -245,7 +248,7 @@ class DiagramView:
                 shown if len(shown) <= _MOST_TOGETHER or len(told) == 1 else f"{told[0]} + {len(told) - 1}"
             )
         first = [group[0] for group in groups]
-        labels, places = [marks["label"][i] for i in first], [self._on_screen(x[i], y[i]) for i in first]
+        labels, places = [marks["label"][i] for i in first], [(right[i], down[i]) for i in first]
         for i, beside in zip(first, places_beside(places, labels, self._frame()), strict=True):
             marks["align"][i], marks["aside"][i], marks["below"][i], _ = beside
 
@@ -311,8 +314,7 @@ class DiagramView:
 
     def _frame(self) -> tuple[float, float]:
         """Return width and height of the frame in pixels."""
-        known = self.figure.properties_with_values(include_defaults=False)
-        return float(known.get("inner_width") or _SIZE[0]), float(known.get("inner_height") or _SIZE[1])
+        return look.frame_of(self.figure, _SIZE)
 
     def _scale(self) -> tuple[float, float]:
         """Return pixels of the units of both axes."""
@@ -324,11 +326,6 @@ class DiagramView:
         """Return lengths on the screen of differences in the axes' units."""
         across, up = self._scale()
         return np.hypot(dx * across, dy * up)
-
-    def _on_screen(self, x: float, y: float) -> tuple[float, float]:
-        """Return a place in pixels from the upper left corner of the frame."""
-        across, up = self._scale()
-        return (x - self.figure.x_range.start) * across, (self.figure.y_range.end - y) * up
 
 
 def _empty() -> dict[str, dict[str, list[Any]]]:

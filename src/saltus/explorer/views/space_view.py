@@ -211,8 +211,7 @@ class SpaceView:
 
     def _name(self, tables: dict[str, dict[str, list[Any]]]) -> None:
         """Write labels where there is room; one without stays away, and the pointer tells it."""
-        known = self.figure.properties_with_values(include_defaults=False)
-        size = float(known.get("inner_width") or _SIZE[0]), float(known.get("inner_height") or _SIZE[1])
+        size = look.frame_of(self.figure, _SIZE)
         x, y = self.figure.x_range, self.figure.y_range
         across, down = size[0] / (float(x.end - x.start) or 1.0), size[1] / (float(y.end - y.start) or 1.0)
         seen = [
