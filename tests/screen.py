@@ -48,6 +48,13 @@ _COLUMN = """([name, glyph, column]) => {
   return Array.from(renderer.data_source.data[column])
 }"""
 
+# whether a figure is on the page
+_IS_THERE = "name => Bokeh.documents.some(d => d.get_model_by_name(name) != null)"
+_IS_DRAWN = """name => Bokeh.documents.some(d => {
+  const figure = d.get_model_by_name(name)
+  return figure?.inner_width > 0 && Bokeh.index.find_one(figure) != null
+})"""
+
 # selects a solution, as a button in a list does
 _TAKE = """name => {
   const document = Bokeh.documents.find(d => d.get_model_by_name('wishes') != null)
@@ -223,11 +230,17 @@ class Screen:
         return self.page.evaluate(_TEXT, f".{name}")
 
     def column(self, figure: str, glyph: str, column: str) -> list:
-        """Return a column of what a figure draws."""
+        """Return a column of what a figure draws; one in a tab is made when a person looks there."""
+        self.page.wait_for_function(_IS_THERE, arg=f"{figure}-figure", polling=_LOOK)
         return self.page.evaluate(_COLUMN, [f"{figure}-figure", glyph, column])
+
+    def drawn(self, figure: str) -> None:
+        """Wait until a figure is drawn."""
+        self.page.wait_for_function(_IS_DRAWN, arg=f"{figure}-figure", polling=_LOOK)
 
     def click_at(self, figure: str, x: float, y: float) -> None:
         """Click on a place of a figure, in its own coordinates."""
+        self.drawn(figure)
         self.page.mouse.click(*self.page.evaluate(_PLACE, [f"{figure}-figure", x, y]))
 
     def click_mark(self, label: str) -> None:

@@ -104,6 +104,7 @@ def test_diagrams_stand_side_by_side_and_space_is_turned_by_a_drag(screen):
     page.click(".continue")
     screen.wait("branch1")
     page.click("text=3-D")
+    screen.drawn("space")
     screen.eventually(lambda: screen.column("space", "curves", "u"))
     before = screen.column("space", "curves", "u")[0][:3]
     x, y = page.evaluate(_PLACE, ["space-figure", 0.0, 0.0])

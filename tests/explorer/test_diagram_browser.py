@@ -169,6 +169,7 @@ def test_what_is_told_at_the_pointer_is_told_once_and_goes(opened, oscillator):
 def test_the_unit_circle_is_round_and_a_far_multiplier_is_an_arrow(opened, ball):
     screen = opened(ball)
     screen.page.click("text=Multipliers")
+    screen.drawn("multipliers")
     screen.eventually(lambda: screen.column("multipliers", "values", "x") != [])
     figure = "Bokeh.documents.map(d => d.get_model_by_name('multipliers-figure')).find(f => f != null)"
     wide, high = screen.page.evaluate(f"[{figure}.inner_width, {figure}.inner_height]")
