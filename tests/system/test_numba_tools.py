@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from saltus.system.numba_tools import bits, linear
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import kernel, njit
 
 
 @pytest.mark.parametrize("m", [1, 2, 5, 9])
@@ -52,3 +52,26 @@ def test_bits_are_those_of_ieee_754(number):
     whole, back = there_and_back(number)
     assert whole == int(np.float64(number).view(np.int64))
     assert back == number
+
+
+def _scaled(values, factor, out):
+    """Write multiples of values; return the largest one and how many are negative."""
+    largest, negative = -np.inf, 0
+    for i in range(values.size):
+        out[i] = factor * values[i]
+        largest = max(largest, out[i])
+        negative += 1 if out[i] < 0.0 else 0
+    return largest, negative
+
+
+def test_a_kernel_does_what_numba_makes_of_its_text():
+    values = np.random.default_rng(1).normal(size=20)
+    out, expected = np.empty(20), np.empty(20)
+    assert kernel(_scaled)(values, 1.7, out) == njit(error_model="numpy")(_scaled)(values, 1.7, expected)
+    assert np.array_equal(out, expected)
+
+
+def test_a_kernel_refuses_an_array_with_gaps():
+    values = np.arange(20.0)
+    with pytest.raises(NotImplementedError, match="in an inner function"):
+        kernel(_scaled)(values[::2], 1.0, np.empty(10))

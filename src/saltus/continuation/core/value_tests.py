@@ -29,8 +29,10 @@ class Tested(NamedTuple):
 
 def bounded(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Return multipliers without the size of those that are infinite, or nearly."""
-    found = values.copy()
     large = np.abs(values) >= _LARGE
+    if not large.any():
+        return values
+    found = values.copy()
     found[large] = np.where(values.real[large] < 0.0, -_LARGE, _LARGE)
     return found
 
@@ -40,28 +42,37 @@ def circle_tests(values: list[complex]) -> Tested:
 
     They are bounded, and smooth where one or two multipliers pass infinity but for their sign.
     """
+    if len(values) == 1:
+        (value,) = values
+        size = abs(value)
+        unit = math.hypot(1.0, size)
+        change, far = (1.0 + size) / unit, size < _FAR or size > 1.0 / _FAR
+        distances = [(1.0 - value.real) / unit, (1.0 + value.real) / unit]
+        return Tested(distances, [change, change], turns=False, far=far, scale=max(1.0, size))
     if len(values) == 2:
         a, b = values
-        total, product, one, other = (a + b).real, (a * b).real, 1.0 + abs(a), 1.0 + abs(b)
+        size, second = abs(a), abs(b)
+        total, product, one, other = (a + b).real, (a * b).real, 1.0 + size, 1.0 + second
         unit = math.hypot(1.0, total, product)
-        rows = [
-            (1.0 - total + product, one * abs(1.0 - b) + other * abs(1.0 - a)),
-            (1.0 + total + product, one * abs(1.0 + b) + other * abs(1.0 + a)),
-            (1.0 - product, 1.0 + abs(product)),
+        distances = [(1.0 - total + product) / unit, (1.0 + total + product) / unit, (1.0 - product) / unit]
+        changes = [
+            (one * abs(1.0 - b) + other * abs(1.0 - a)) / unit,
+            (one * abs(1.0 + b) + other * abs(1.0 + a)) / unit,
+            (1.0 + abs(product)) / unit,
         ]
+        sizes = [size, second]
     else:
-        unit, rows = math.prod(math.hypot(1.0, abs(value)) for value in values), []
+        unit, distances, changes = math.prod(math.hypot(1.0, abs(value)) for value in values), [], []
         for side in (1.0, -1.0):
             distance, change = 1.0 + 0.0j, 0.0
             for value in values:
                 own, size = 1.0 - side * value, 1.0 + abs(value)
                 distance, change = distance * own, change * abs(own) + abs(distance) * size
-            rows.append((distance.real, change))
-    sizes = [abs(value) for value in values]
+            distances.append(distance.real / unit)
+            changes.append(change / unit)
+        sizes = [abs(value) for value in values]
     far = max(sizes) < _FAR or min(sizes) > 1.0 / _FAR
-    return Tested(
-        [value / unit for value, _ in rows], [size / unit for _, size in rows], _turns(values), far, max(1.0, *sizes)
-    )
+    return Tested(distances, changes, _turns(values), far, max(1.0, *sizes))
 
 
 def border_tests(values: list[complex]) -> Tested:

@@ -57,12 +57,15 @@ class _Place(NamedTuple):
     """A fraction of a step, its values, and those beside in the same order."""
 
     share: float
-    known: Spectrum
+    values: list[complex]
+    beside: list[complex]
+    away: float
 
     @classmethod
     def at(cls, share: float, known: Spectrum) -> _Place:
         """Return a place at which values are known with those beside in any order."""
-        return cls(share, known._replace(beside=_matched(known.values, known.beside)))
+        values: list[complex] = known.values.tolist()
+        return cls(share, values, _matched(values, known.beside.tolist()), known.away)
 
 
 def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Callable[[list[complex]], Tested]) -> bool:
@@ -77,14 +80,16 @@ def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Calla
     tests : callable
         `circle_tests` or `border_tests`.
     """
-    before, first, last = (np.asarray(row, dtype=np.complex128) for row in rows)
-    if np.any(_matched(first + (first - before) * (lengths[1] / lengths[0]), last) != last):
+    before, first, last = (np.asarray(row, dtype=np.complex128).tolist() for row in rows)
+    ratio = lengths[1] / lengths[0]
+    ahead = [value + (value - old) * ratio for old, value in zip(before, first, strict=True)]
+    if any(near != value for near, value in zip(_matched(ahead, last), last, strict=True)):
         return False  # two values may have changed places
     groups: list[tuple[bool, list[Tested]]] = []
     near: list[tuple[complex, float]] = []
-    for row in zip(before.tolist(), first.tolist(), last.tolist(), strict=True):
+    for row in zip(before, first, last, strict=True):
         known = [tests([value]) for value in row]
-        if all(test.far for test in known):
+        if known[0].far and known[1].far and known[2].far:
             continue
         moved = max(abs(row[1] - row[0]), abs(row[2] - row[1]))
         if any(abs(row[1] - other) <= moved + way and row[1] != other.conjugate() for other, way in near):
@@ -129,7 +134,8 @@ def searched(
     """
     *before, first, last = rows
     if before:
-        known = _matched(first, before[0]), first, _matched(first, last)
+        at = first.tolist()
+        known = _matched(at, before[0].tolist()), at, _matched(at, last.tolist())
         if steady(known, (lengths[0], lengths[1]), tests):
             return False
     beside = spectra(np.array([ASIDE, 1.0 - ASIDE]))
@@ -157,7 +163,7 @@ def several_critical(
     if not all(np.all(np.isfinite(values)) for values in (centre, *first[:2], *last[:2])):
         return None
     zeros: list[list[float]] = [[], [], []]
-    parts = [(_Place.at(0.0, first), _Place.at(1.0, last), centre, 0)]
+    parts = [(_Place.at(0.0, first), _Place.at(1.0, last), centre.tolist(), 0)]
     looked = 0
     while parts:
         left, right, middle, depth = parts.pop()
@@ -171,8 +177,9 @@ def several_critical(
             more = spectra(np.array([at - quarter, at + ASIDE, at + quarter]))
             if not np.all(np.isfinite(more)):
                 return None
-            half = _Place.at(at, Spectrum(middle, more[1], ASIDE))
-            parts += [(left, half, more[0], depth + 1), (half, right, more[2], depth + 1)]
+            first_middle, beside, last_middle = more.tolist()
+            half = _Place(at, middle, _matched(middle, beside), ASIDE)
+            parts += [(left, half, first_middle, depth + 1), (half, right, last_middle, depth + 1)]
             continue
         for known, new in zip(zeros, found, strict=False):
             known += new
@@ -181,19 +188,18 @@ def several_critical(
     return False
 
 
-def _matched(values: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _matched(values: list[complex], others: list[complex]) -> list[complex]:
     """Return the other values, each at the place of that one to which it is nearest."""
-    return np.asarray(others[_order(values, others)])
+    return [others[k] for k in _order(values, others)]
 
 
-def _groups(first: NDArray[np.complex128], last: NDArray[np.complex128]) -> list[list[int]]:
+def _groups(first: list[complex], last: list[complex]) -> list[list[int]]:
     """Return the places of values that belong together: complex ones at either end with their conjugates."""
-    size = first.size
+    size = len(first)
     if size < 3:
         return [list(range(size))]
     group = list(range(size))
-    for values in (first, last):
-        known: list[complex] = values.tolist()
+    for known in (first, last):
         open_pairs = [i for i in range(size) if known[i].imag > PAIRED * abs(known[i])]
         below = [i for i in range(size) if known[i].imag < -PAIRED * abs(known[i])]
         for i in open_pairs:
@@ -240,23 +246,24 @@ def _roots(coefficients: list[tuple[float, float, float, float]]) -> list[comple
     if len(middles) == 1:
         return [complex(middles[0])]
     half, product = 0.5 * middles[0], middles[1]
-    root = np.emath.sqrt(half * half - product)
+    square = half * half - product
+    root = complex(0.0, math.sqrt(-square)) if square < 0.0 else math.sqrt(square)
     return [complex(half + root), complex(half - root)]
 
 
 def _zeros_of_part(
     left: _Place,
     right: _Place,
-    middle: NDArray[np.complex128],
+    middle: list[complex],
     tests: Callable[[list[complex]], Tested],
     *,
     final: bool,
 ) -> list[list[float]] | None:
     """Return the zeros of each function in a part of a step, in steps; None where halves must tell."""
     length = right.share - left.share
-    slopes = length / left.known.away, length / right.known.away
-    ways = [_way(left.known, right.known, middle, slopes, order) for order in _orders(left.known, right.known, slopes)]
-    sets, there, _ = min(ways, key=lambda way: way.missed)
+    slopes = length / left.away, length / right.away
+    ways = [_way(left, right, middle, slopes, order) for order in _orders(left, right, slopes)]
+    sets, there, _ = ways[0] if len(ways) == 1 else min(ways, key=lambda way: way.missed)
     found: list[list[float]] = [[], [], []]
     at = 0
     for own in sets:
@@ -295,39 +302,37 @@ class _Way(NamedTuple):
     missed: float  # distance of these from the cubics through the ends
 
 
-def _way(
-    first: Spectrum,
-    last: Spectrum,
-    middle: NDArray[np.complex128],
-    slopes: tuple[float, float],
-    order: NDArray[np.intp],
-) -> _Way:
+def _way(first: _Place, last: _Place, middle: list[complex], slopes: tuple[float, float], order: Sequence[int]) -> _Way:
     """Return the way of values through the middle of a part to those at its end, which are taken in an order."""
-    ends = [first.values, first.beside, last.values[order], last.beside[order]]
-    sets = [[values[group].tolist() for values in ends] for group in _groups(ends[0], ends[2])]
+    ends = [first.values, first.beside, [last.values[k] for k in order], [last.beside[k] for k in order]]
+    sets = [[[values[k] for k in group] for values in ends] for group in _groups(ends[0], ends[2])]
     expected: list[complex] = []
     for own in sets:
         if len(own[0]) > 2:
             expected += [0.5 * (a + b) for a, b in zip(own[0], own[2], strict=True)]
-            continue
-        rows = [[sum(v).real] if len(v) == 1 else [sum(v).real, (v[0] * v[1]).real] for v in own]
-        expected += _roots([_slopes(known, slopes) for known in zip(*rows, strict=True)])
-    there = _matched(np.array(expected), middle)
-    return _Way(sets, there.tolist(), float(np.abs(there - expected).sum()))
+        elif len(own[0]) == 2:
+            totals, products = [(a + b).real for a, b in own], [(a * b).real for a, b in own]
+            expected += _roots([_slopes(totals, slopes), _slopes(products, slopes)])
+        else:
+            expected += _roots([_slopes([value.real for (value,) in own], slopes)])
+    there = _matched(expected, middle)
+    return _Way(sets, there, sum(abs(a - b) for a, b in zip(there, expected, strict=True)))
 
 
-def _orders(first: Spectrum, last: Spectrum, slopes: tuple[float, float]) -> list[NDArray[np.intp]]:
+def _orders(first: _Place, last: _Place, slopes: tuple[float, float]) -> list[Sequence[int]]:
     """Return the orders of the values at the end of a part: of the nearest ones, and as their slopes tell."""
     nearest = _order(first.values, last.values)
-    if first.values.size < 3:  # they are taken together
+    if len(first.values) < 3:  # they are taken together
         return [nearest]
     from scipy.optimize import linear_sum_assignment
 
-    ahead = first.values + (first.beside - first.values) * slopes[0]
-    behind = last.values - (last.beside - last.values) * slopes[1]
-    apart = np.abs(ahead[:, None] - last.values) + np.abs(first.values[:, None] - behind)
-    led = np.asarray(linear_sum_assignment(apart)[1])
-    return [nearest] if np.all(last.values[led] == last.values[nearest]) else [nearest, led]
+    starts, ends = np.array(first.values), np.array(last.values)
+    ahead = starts + (np.array(first.beside) - starts) * slopes[0]
+    behind = ends - (np.array(last.beside) - ends) * slopes[1]
+    apart = np.abs(ahead[:, None] - ends) + np.abs(starts[:, None] - behind)
+    led: list[int] = linear_sum_assignment(apart)[1].tolist()
+    same = all(last.values[i] == last.values[k] for i, k in zip(led, nearest, strict=True))
+    return [nearest] if same else [nearest, led]
 
 
 def _slopes(known: Sequence[float], scale: tuple[float, float]) -> tuple[float, float, float, float]:
@@ -342,15 +347,17 @@ def _slopes(known: Sequence[float], scale: tuple[float, float]) -> tuple[float, 
     return f, df, g, dg
 
 
-def _order(values: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArray[np.intp]:
+def _order(values: list[complex], others: list[complex]) -> Sequence[int]:
     """Return the places of the other values in the order of those to which they are nearest."""
-    if values.size < 3:
-        straight = np.arange(values.size)
-        crossed = straight[::-1]
-        return crossed if np.abs(values - others[crossed]).sum() < np.abs(values - others).sum() else straight
+    if len(values) < 2:
+        return range(len(values))
+    if len(values) == 2:
+        (a, b), (c, d) = values, others
+        return (1, 0) if abs(a - d) + abs(b - c) < abs(a - c) + abs(b - d) else (0, 1)
     from scipy.optimize import linear_sum_assignment
 
-    return np.asarray(linear_sum_assignment(np.abs(values[:, None] - others))[1])
+    order: list[int] = linear_sum_assignment(np.abs(np.array(values)[:, None] - np.array(others)))[1].tolist()
+    return order
 
 
 def _zeros(

@@ -17,7 +17,7 @@ from saltus.flow.kernels.stages import dense_coefficients, dense_slope, dense_va
 from saltus.flow.kernels.ways import JUMP, WAYS, longest_way
 from saltus.flow.tableaux import NODES as C
 from saltus.system.compiled import FUNCTIONS
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer, stack
 
 VARY = FUNCTIONS.index("vary")
@@ -82,7 +82,7 @@ class Sensitive(NamedTuple):
     columns: int
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def decays(functions, modes, u, n, p, found):
     """Write by how many factors e the state decays that does so fastest by itself, for each segment, in `found`."""
     block = np.empty(2 * n * (n + 1))
@@ -173,7 +173,7 @@ def leaps(segment, h, most, curve, node):
     return h > JUMP and longest_way(way, segment.mode, segment.n, segment.p, curve, node) > most
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
     """Fill `mesh` with the ends of steps from 0 to 1 whose errors are within tolerance; return their count.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from saltus.flow.kernels.stages import dense_value
 from saltus.orbits.records import Dense, Mesh
 from saltus.system.compiled import FUNCTIONS
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 
 EVENT = FUNCTIONS.index("event")
@@ -120,7 +120,7 @@ def _state(curve, n, s, x):
     dense_value(curve.coefficients, low * 7 * n, n, curve.nodes, low * n, (s - a) / (b - a), x)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def state_on(mesh, dense, segment, s, x):
     """Write the full state at clustered time `s` of a segment, as last surveyed, into `x`, (n,)."""
     mesh, dense, n = Mesh(*mesh), Dense(*dense), x.size

@@ -12,7 +12,7 @@ from saltus.flow.kernels.segment import EVENT_P, EVENT_X, FIELD, VARY, Segment, 
 from saltus.orbits.records import Mesh, Orbit
 from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END
 from saltus.system.compiled import FUNCTIONS
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
 DERIVE = FUNCTIONS.index("derive")
@@ -63,7 +63,7 @@ class Piece(NamedTuple):
     following: int
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def set_parameters(functions, u, m, active, scales, p):
     """Take the active parameters from the unknowns behind the m of the orbit, and recompute the constants behind them."""
     take_parameters(functions, u, m, active, scales, p)
@@ -78,7 +78,7 @@ def take_parameters(functions, u, m, active, scales, p):
         call(functions[DERIVE], 0, 0, p, 0, p, p, 0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def largest_terms(functions, modes, u, n, p, terms):
     """Write the largest size of each term J_ij x_j of the states' rates at the segments' starts in `terms`, (n, n)."""
     block = np.empty(2 * n * (n + 1))
@@ -299,14 +299,14 @@ def _on_plane(anchor, start, n, line):
     return height
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def starting_flow(functions, modes, u, m, active, scales, p, slope):
     """Take the parameters as `set_parameters` does, and write the vector field where the first segment starts."""
     take_parameters(functions, u, m, active, scales, p)
     call(functions[FIELD], modes[0], 0, u, 0, p, slope, 0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def rate(orbit, mesh, segment, tolerances, u, gradient, errors):
     """Return the Lie derivative of a segment's event function at its end; its gradient, (m + active,), is written."""
     orbit, mesh = Orbit(*orbit), Mesh(*mesh)
@@ -345,7 +345,7 @@ def _chain(line, row, m, n, kept, columns, y, gradient, per):
         line[row + c if c < n else m + c - n] += total / per
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def units(common, sizes, total, segments, block, scale):
     """Write typical sizes of the unknowns, and weights of a segment's start in the metric.
 
@@ -363,7 +363,7 @@ def units(common, sizes, total, segments, block, scale):
         scale[i * (n + 1) + n] = total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def metric(u, segments, n, block, out):
     """Write the weights of the arclength: the trapezoidal rule over the period for each segment's start, 1 for parameters."""
     wide = n + 1

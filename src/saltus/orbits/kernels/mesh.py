@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from saltus.flow.kernels.segment import redistribute
-from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import ARRAYS, pointer
+from saltus.system.numba_tools.machine_code import kernel, njit
+from saltus.system.numba_tools.pointers import INNER, pointer
 
 FINEST = 5.0  # error of a step, in tolerances, up to which a mesh is fine enough
 COARSEST = 5e-3  # largest error in a segment, in tolerances, below which its mesh is finer than needed
@@ -17,7 +17,7 @@ UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved:
 BESIDE = 2  # steps at an event whose errors tell nothing before it is met: the field may bend at its surface
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def moved(places, starts, transitions, errors, limit, worst, met, most, fresh, ends):
     """Return whether the meshes are fine enough, and how many nodes the moved ones have; 0 where they stay.
 
@@ -60,7 +60,7 @@ def moved(places, starts, transitions, errors, limit, worst, met, most, fresh, e
     return largest <= FINEST, at
 
 
-@njit(**ARRAYS)
+@njit(**INNER)
 def inner_error(transitions, starts, worst, errors):
     """Return the largest error of a step but for those beside events, which are set to those of a new mesh.
 
@@ -80,7 +80,7 @@ def inner_error(transitions, starts, worst, errors):
     return worst
 
 
-@njit(**ARRAYS)
+@njit(**INNER)
 def _halved(places, starts, fresh, ends):
     """Write meshes with each step cut in half; return how many nodes they have."""
     segments = starts.size - 1

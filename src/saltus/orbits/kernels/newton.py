@@ -11,9 +11,9 @@ from saltus.algebraic.newton import ACCEPTED, CONTRACTS, ENDING, ENDLESS_FROM, R
 from saltus.orbits.kernels.equation import equations
 from saltus.orbits.kernels.mesh import FINEST, inner_error
 from saltus.orbits.records import APART, CONVERGED, ENDLESS, LATE, MOVE, SINGULAR, Mesh, Orbit, Phase
-from saltus.system.numba_tools.linear import bordered
-from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import ARRAYS
+from saltus.system.numba_tools.linear import bordered_flat
+from saltus.system.numba_tools.machine_code import kernel, njit
+from saltus.system.numba_tools.pointers import INNER, pointer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,7 +42,7 @@ WORST = 11
 NUMBERS = 12
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, steps):
     """Correct an orbit in a plane until it has converged, has failed, or its meshes are to be moved; tell which.
 
@@ -63,7 +63,7 @@ def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, step
     if numbers[STAGE] == ONCE:
         numbers[WORST] = equations(orbit, mesh, phase, tolerances, u, F, J, errors)
         return CONVERGED
-    solves = False
+    solves, matrix = False, np.empty(u.size * u.size)
     if numbers[STAGE] == _INFINITE:
         if numbers[FINE] == 0.0:
             numbers[TRIED] += 1.0
@@ -83,14 +83,14 @@ def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, step
                 numbers[STAGE] = _INFINITE
                 return MOVE
         solves = False
-        solutions, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
+        work, solutions = pointer(matrix, 0), pointer(steps, 0)
+        sign, log, size, residual = bordered_flat(J, F, row, u, guess, scale, work, solutions)
         if sign == 0.0 or not math.isfinite(log):
             return SINGULAR
         if not size < ENDLESS_FROM:
             return ENDLESS
-        for j in range(u.size):  # an assignment of arrays would compile 4 s of messages about their shapes
-            steps[j, 0], steps[j, 1] = solutions[j, 0], solutions[j, 1]
-            u[j] += solutions[j, 0]
+        for j in range(u.size):
+            u[j] += steps[j, 0]
         numbers[SIGN], numbers[LOG], numbers[SIZE], numbers[RESIDUAL] = sign, log, size, residual
         numbers[STAGE], numbers[FINE] = _STEPPED, 1.0
         if size >= ACCEPTED and numbers[WORST] > FINEST:
@@ -102,7 +102,7 @@ def newton(orbit, mesh, phase, tolerances, plane, numbers, u, F, J, errors, step
             return told
 
 
-@njit(**ARRAYS)
+@njit(**INNER)
 def _finite(J):
     for i in range(J.shape[0]):
         for j in range(J.shape[1]):
@@ -111,7 +111,7 @@ def _finite(J):
     return True
 
 
-@njit(**ARRAYS)
+@njit(**INNER)
 def _judged(numbers):
     """Return what is told behind a step; MOVE where the method goes on."""
     size = numbers[SIZE]

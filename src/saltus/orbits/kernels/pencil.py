@@ -12,13 +12,13 @@ from numba import int64
 
 from saltus.orbits.signature import CLOSED_END, PHASE_END
 from saltus.system.numba_tools.linear import solve_flat
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, keep, outlined, pointer
 
 ALIGNED = 0.99  # square of the cosine up to which a vector is an improvement of another one
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pencil(J, kinds, n, vector, sizes, period, P, R):
     """Write the (n, n) pencil P v = mu R v of the linearised return map at the first segment's start.
 
@@ -141,7 +141,7 @@ def pair(P, R, at, values):
         values[0], values[1] = values[1], values[0]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def doubling(J, n):
     """Return sign and log of |det(A + B)|, A - B = J with B the closing equations' derivative in the next period's start."""
     m = J.shape[0]

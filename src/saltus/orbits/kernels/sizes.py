@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import kernel, njit
 
 
 @njit(cache=True, error_model="numpy")
@@ -77,7 +77,7 @@ def resized(lows, highs, limits, least, moves, largest, scale):
     return True, near
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def swollen(before, now, count, ratio, faint):
     """Return whether a state's range is many times what it was, or the state as far away; where one is NaN it is not.
 

@@ -29,14 +29,14 @@ from saltus.orbits.signature import (
     VALUE,
     WHEN,
 )
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
 PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss the true one
 MOVED = 3.0  # ways that exponents may go in a step of a mesh that was moved since it was made with 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
     """Follow an orbit densely: extremes and means of states and outputs, margins to events, velocities, state at phase 0.
 

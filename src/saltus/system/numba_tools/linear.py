@@ -60,12 +60,22 @@ def solve_flat(matrix, rhs, m, k):
 def bordered(J, F, row, u, guess, scale):
     """Solve (J; row) (du, t) = (-F, 0; -row (u - guess), 1).
 
-    J: (m, m + 1); F: (m,); the others (m + 1,). Returns the two solutions, (m + 1, 2), sign and log of the determinant,
-    the largest |du| and the largest |F|, both over `scale`.
+    J: (m, m + 1); F: (m,); the others (m + 1,). Returns the two solutions, (m + 1, 2), and what `bordered_flat` does.
+    """
+    wide = F.size + 1
+    block, solutions = np.empty(wide * wide), np.empty((wide, 2))
+    sign, log, size, top = bordered_flat(J, F, row, u, guess, scale, pointer(block, 0), pointer(solutions, 0))
+    keep(block)
+    return solutions, sign, log, size, top
+
+
+@njit(**INNER)
+def bordered_flat(J, F, row, u, guess, scale, matrix, rhs):
+    """Solve as `bordered` does; return sign and log of the determinant, the largest |du| and |F|, both over `scale`.
+
+    matrix: room for (m + 1)^2 numbers; rhs: pointer to the solutions, (m + 1, 2), which are written.
     """
     m, wide = F.size, F.size + 1
-    block, solutions = np.empty(wide * wide), np.empty((wide, 2))
-    matrix, rhs = pointer(block, 0), pointer(solutions, 0)
     ahead = top = size = 0.0
     for i in range(m):
         for j in range(wide):
@@ -79,8 +89,7 @@ def bordered(J, F, row, u, guess, scale):
     rhs[2 * m] = -ahead
     rhs[2 * m + 1] = 1.0
     sign, log = solve_flat(matrix, rhs, wide, int64(2))
-    keep(block)
     for j in range(wide):
         change = abs(rhs[2 * j]) / scale[j]
         size = change if not change < size else size
-    return solutions, sign, log, size, top
+    return sign, log, size, top

@@ -31,7 +31,7 @@ from numba.core.serialize import dumps
 from saltus.system.cache import read_checked, warn_not_kept, write_checked
 from saltus.system.numba_tools import inner, inner_expressions, inner_numbers, inner_statements, inner_values, lowering
 
-__all__ = ["LOWERED", "Addressed", "Generated", "cfunc", "generated", "keep_checked", "njit", "shared"]
+__all__ = ["LOWERED", "Addressed", "Generated", "cfunc", "generated", "keep_checked", "kernel", "njit", "shared"]
 
 _LOWERED_BY = tuple(
     str(module.__file__) for module in (inner, inner_expressions, inner_numbers, inner_statements, inner_values)
@@ -62,6 +62,21 @@ def shared(**options: Any) -> Callable[[FunctionType], Any]:
         return dispatcher
 
     return compiled
+
+
+def kernel(function: FunctionType) -> Any:
+    """Return a kernel for Python to call: an inner function, and a line of Numba's that unpacks its arguments.
+
+    Numba analyses that line alone. Compiled code is kept in checked files.
+    """
+    called, name = inner.inner(function), function.__name__
+    arguments = ", ".join(called.inner.parameters)
+    scope: dict[str, Any] = {"__name__": function.__module__, "called": called}
+    text = f"def {name}({arguments}):\n    return called({arguments})"
+    exec(compile(text, function.__code__.co_filename, "exec"), scope)
+    dispatcher = numba.njit(no_cfunc_wrapper=True, error_model="numpy")(scope[name])
+    dispatcher.inner, dispatcher.__doc__ = called.inner, function.__doc__
+    return keep_checked(dispatcher, function)
 
 
 def cfunc(signature: Any, **options: Any) -> Callable[[FunctionType], Any]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 
 from saltus.continuation.core.verdicts import ANGLE, DEVIATION, FOLDS, RESTS, ROUNDED, TAKEN
-from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER
 
 _FAR = 3.0  # length of a step, over that of the last one, from which on a parabola predicts, not a cubic
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def predict(last, before, length, h, guess):
     """Write the point predicted a step of length h ahead, on the cubic through the last two points and their tangents.
 
@@ -34,7 +34,7 @@ def predict(last, before, length, h, guess):
             )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def judge(weights, last, new, guess, limits):
     """Return what is wrong with a step, how far its end was corrected, the angle between tangents, its length.
 
@@ -75,7 +75,7 @@ def _turns_twice(a, b, chord):
     return 0.0 < s < 1.0 and a - 3.0 * bottom * s * s < 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def growth(moved, angle, iterations, limits):
     """Return the factor on the length of the next step; limits: deviation, largest angle."""
     deviation, most = limits
