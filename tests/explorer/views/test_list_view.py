@@ -69,15 +69,6 @@ def test_a_sweep_tells_where_it_has_no_motion(session):
     assert f'<span class="note">{told}</span>' in line_of(entry, "")
 
 
-def test_a_row_that_tells_the_same_stays(session):
-    shown = ListView(session, lambda: None)
-    shown.show(grey, {})
-    before = [*shown.panel]
-    shown.show(grey, {"sweep1": "no z"})
-    kept = [row is other for row, other in zip(shown.panel, before, strict=True)]
-    assert kept == [entry.name != "sweep1" for entry in session.entries]
-
-
 def test_a_box_shows_what_another_page_has_changed_back(session):
     shown = ListView(session, lambda: None)
     shown.show(grey, {})

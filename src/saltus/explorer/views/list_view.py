@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from html import escape
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,15 +22,6 @@ __all__ = ["ListView", "line_of"]
 _COLOURED = {"branch": False, "locus": False, "motion": False, "sweep": True, "orbit": True, "equilibrium": True}
 
 
-class _Row(NamedTuple):
-    """A row of the list."""
-
-    entry: Entry
-    line: str  # HTML that says what the result is
-    shown: Any  # the box that is ticked where the result is drawn
-    panel: Any
-
-
 class ListView:
     """The list.
 
@@ -45,7 +36,6 @@ class ListView:
     def __init__(self, session: Session, changed: Callable[[], None]) -> None:
         self._session, self._changed = session, changed
         self.panel = widgets.column(name="results")
-        self._rows: dict[str, _Row] = {}
 
     def show(self, colour: Callable[[int], str], unseen: dict[str, str]) -> None:
         """Show all results.
@@ -57,25 +47,18 @@ class ListView:
         unseen : dict of str to str
             Why results cannot be drawn on the diagram's axes.
         """
-        entries = self._session.entries
-        self._rows = {
-            entry.name: self._row(entry, line_of(entry, colour(number), unseen.get(entry.name, "")))
-            for number, entry in enumerate(entries)
-        }
-        self.panel[:] = [row.panel for row in self._rows.values()]
+        entries = [*enumerate(self._session.entries)]
+        self.panel[:] = [self._row(entry, colour(number), unseen.get(entry.name, "")) for number, entry in entries]
         if not entries:
             text = "<p class='hint'>No results yet. Find an orbit, then continue it in a parameter.</p>"
             self.panel[:] = [widgets.html("no-results", text)]
 
-    def _row(self, entry: Entry, line: str) -> _Row:
-        """Return the row of a result, the one that is there if it tells the same."""
-        seen, known = entry.name not in self._session.settings.hidden, self._rows.get(entry.name)
-        if known is not None and known.entry is entry and (known.line, known.shown.value) == (line, seen):
-            return known
-        shown = widgets.checkbox(seen, f"show-{entry.name}")
+    def _row(self, entry: Entry, colour: str, unseen: str) -> Any:
+        shown = widgets.checkbox(entry.name not in self._session.settings.hidden, f"show-{entry.name}")
         widgets.on_change(shown, lambda seen: self._hide(entry.name, not seen))
+        line = line_of(entry, colour, unseen)
         text = widgets.html(f"result-{entry.name}", line, (4, 8, 0, 2), sizing_mode="stretch_width")
-        return _Row(entry, line, shown, widgets.beside(shown, text))
+        return widgets.beside(shown, text)
 
     def _hide(self, name: str, hidden: bool) -> None:
         chosen = self._session.settings.hidden
