@@ -175,6 +175,8 @@ class _Step:
 
 def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float, control: StepControl) -> _Step | str:
     """Return the step of length `h` from `point`, or the reason why it is rejected."""
+    from saltus.continuation.core.kernels.control import growth, judge  # with Numba, which takes its time
+
     problem.depart(point)
     guess = _predict(point, before, h)
     new = correct(problem, guess, point.tangent, point.weights, control.iterations)
@@ -183,8 +185,6 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
     if isinstance(new, str):
         return new
     new.frame = point.frame
-    from saltus.continuation.core.kernels.control import growth, judge
-
     limits = control.deviation, control.angle
     fault, moved, angle, length = judge(point.weights, point.line, new.line, guess, limits)
     new.arc = point.arc + length

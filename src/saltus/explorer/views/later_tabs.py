@@ -21,21 +21,22 @@ class LaterTabs:
 
     def __init__(self, tabs: Any) -> None:
         self._tabs = tabs
-        self._makers: dict[str, Callable[[], Any]] = {}
+        self._added: list[tuple[str, Any, Callable[[], Any]]] = []  # name, place, and what makes the view
         self._made: dict[str, Any] = {}
-        self._places: dict[str, Any] = {}
         widgets.on_change(tabs, self._look_at, "active")
 
     def add(self, name: str, make: Callable[[], Any]) -> None:
         """Add a tab; `make` makes its view, an object with a ``panel``."""
-        self._makers[name], self._places[name] = make, widgets.column()
-        self._tabs.append((name, self._places[name]))
+        place = widgets.column()
+        self._added.append((name, place, make))
+        self._tabs.append((name, place))
 
     def _look_at(self, active: int) -> None:
         shown = self._tabs[active]
-        for name in [name for name in self._makers if self._places[name] is shown]:
-            made = self._made[name] = self._makers.pop(name)()
-            self._places[name].append(made.panel)
+        for name, place, make in self._added:
+            if place is shown and name not in self._made:
+                self._made[name] = make()
+                place.append(self._made[name].panel)
 
     def made(self, name: str) -> Any:
         """Return a tab's view; None of one that nobody has looked at."""
