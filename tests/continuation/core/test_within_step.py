@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from saltus.continuation.core.value_tests import border_tests, circle_tests
-from saltus.continuation.core.within_step import searched, steady
+from saltus.continuation.core.within_step import ASIDE, Spectrum, searched, several_critical, steady
 
 
 def _several(values, tests):
@@ -76,3 +76,19 @@ def test_a_value_that_passes_infinity_is_not_taken_to_cross():
 
 def test_nothing_is_known_where_a_value_is_no_number():
     assert _several(lambda s: [np.nan if 0.4 < s < 0.6 else 0.5], circle_tests) is None
+
+
+@pytest.mark.parametrize(("apart", "others"), [(0.1, 0), (0.4, 0), (0.1, 1)])
+def test_a_value_that_touches_1_at_a_fold_and_a_branch_point(apart, others):
+    """Two zeros near each other are these; two that lie far apart are not, nor any third one."""
+
+    def values(s):
+        return [1.0 - (s - 0.3) * (s - 0.3 - apart), 0.5 + others * (s + 0.05)]
+
+    def spectra(shares):
+        return np.array([values(s) for s in shares], dtype=complex)
+
+    places = spectra(np.array([0.0, ASIDE, 1.0 - ASIDE, 1.0]))
+    ends = Spectrum(places[0], places[1], ASIDE), Spectrum(places[3], places[2], -ASIDE)
+    assert several_critical(spectra, *ends, circle_tests)
+    assert several_critical(spectra, *ends, circle_tests, touches=True) == (apart > 0.25 or others > 0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, solve_orbit
+from saltus import HybridSystem, Mode, StepControl, Transition, continue_orbit, find_orbit, solve_orbit
 from selection import guarding
 
 RADIUS = 0.9
@@ -84,3 +84,26 @@ def test_all_special_points_of_pairs_that_turn_fast_are_found(seed: int) -> None
     found = sorted((point.parameters["p"], point.type) for point in branch.special_points)
     assert [kind for _, kind in found] == [kind for _, kind in expected]
     assert [place for place, _ in found] == pytest.approx([place for place, _ in expected], abs=1e-7)
+
+
+@pytest.mark.parametrize("largest", [0.04, 0.05, 0.1])
+def test_a_multiplier_that_touches_1_where_the_period_halves_does_not_stop_the_branch(largest: float) -> None:
+    """Errors of the equations part the branch point from the fold by up to 5e-5; the multiplier passes 1 at both."""
+    parameters = {"A": 0.2081511141329862, "d": 0.45495686328125307, "k": 11.938908750721712, "W": 1.10011515466483}
+    parameters |= {"z0": 0.04447082423660209, "z1": 0.01996415372983067, "w0": 1.0, "w1": 2.3074738351709856}
+    parameters |= {"f0": 0.9546922720036848, "f1": 0.7125003511078567}
+    tip, force = "(f0*q0 + f1*q1)", "k*(f0*q0 + f1*q1 - d)"
+    free = {}
+    for i in "01":
+        free |= {f"q{i}": f"v{i}", f"v{i}": f"-2*z{i}*w{i}*v{i} - w{i}**2*q{i} + f{i}*A*cos(s)"}
+    touch = free | {f"v{i}": free[f"v{i}"] + f" - f{i}*({force})" for i in "01"}
+    on, off = (Transition(*way, f"{tip} - d", sign) for way, sign in ((("free", "touch"), 1), (("touch", "free"), -1)))
+    modes = {"free": Mode(free), "touch": Mode(touch)}
+    system = HybridSystem(("q0", "v0", "q1", "v1"), parameters, modes, [on, off], phase=("s", "W"))
+    steps = StepControl(largest=largest)
+    branch = continue_orbit(find_orbit(system, x0=[0.0] * 4), "W", (parameters["W"], 1.5487), steps=steps)
+    assert branch.stopped[-1].endswith("the period halves")
+    last = branch.special_points[-1]
+    assert last.type == "BP"
+    assert last.parameters["W"] == pytest.approx(1.1096599561613, abs=1e-8)
+    assert [point.type for point in branch.special_points] == ["PD", "GR", "PD", "SN", "SN", "GR", "PD", "PD", "BP"]

@@ -43,6 +43,7 @@ _CURVED = 2.0  # factor on the curvature of a function when two zeros within a s
 _ROUNDED = 1e-9  # function over its size, up to which its sign is rounding
 _BISECTIONS = 30  # of the search for a zero
 _ALIKE = 1e-5  # distance of two zeros, in steps, up to which they are one of equal values
+_TOUCHING = 0.25  # the same up to which they are those of a value that touches a border
 
 
 class Spectrum(NamedTuple):
@@ -144,7 +145,13 @@ def searched(
 
 
 def several_critical(
-    spectra: Spectra, first: Spectrum, last: Spectrum, tests: Callable[[list[complex]], Tested], most: int | None = None
+    spectra: Spectra,
+    first: Spectrum,
+    last: Spectrum,
+    tests: Callable[[list[complex]], Tested],
+    most: int | None = None,
+    *,
+    touches: bool = False,
 ) -> bool | None:
     """Return whether values become critical at more than one place of a step in the same way; None if it is not known.
 
@@ -158,6 +165,8 @@ def several_critical(
         `circle_tests` or `border_tests`.
     most : int, optional
         Parts of the step that are looked at before it is not known; by default as many as it takes.
+    touches : bool
+        Whether the first function is known to vanish twice, as where a value touches 1 on a branch of doubled period.
     """
     centre = spectra(np.array([0.5]))[0]
     if not all(np.all(np.isfinite(values)) for values in (centre, *first[:2], *last[:2])):
@@ -181,11 +190,17 @@ def several_critical(
             half = _Place(at, middle, _matched(middle, beside), ASIDE)
             parts += [(left, half, first_middle, depth + 1), (half, right, last_middle, depth + 1)]
             continue
-        for known, new in zip(zeros, found, strict=False):
+        for kind, (known, new) in enumerate(zip(zeros, found, strict=False)):
             known += new
-            if known and max(known) - min(known) > _ALIKE:
+            if known and max(known) - min(known) > _ALIKE and not (touches and kind == 0 and _two_alike(known)):
                 return True
     return False
+
+
+def _two_alike(zeros: list[float]) -> bool:
+    """Return whether zeros lie at two places near each other."""
+    first, last = min(zeros), max(zeros)
+    return last - first <= _TOUCHING and all(min(zero - first, last - zero) <= _ALIKE for zero in zeros)
 
 
 def _matched(values: list[complex], others: list[complex]) -> list[complex]:

@@ -29,7 +29,12 @@ _PARTS = 8  # parts of a step that are looked at before it is taken back
 
 
 def search_between(
-    spectrum: Callable[[NDArray[np.float64]], NDArray[np.complex128]], a: Point, b: Point, data: OrbitData
+    spectrum: Callable[[NDArray[np.float64]], NDArray[np.complex128]],
+    a: Point,
+    b: Point,
+    data: OrbitData,
+    *,
+    touches: bool,
 ) -> tuple[bool | None, OrbitData]:
     """Return whether a step may pass over special points, None if it was not searched, and more data of its end.
 
@@ -41,6 +46,8 @@ def search_between(
         Ends of the step; `a` is examined.
     data : OrbitData
         What is known of `b`.
+    touches : bool
+        Whether a fold and a branch point lie in the step. A multiplier passes 1 at each, or touches it at both at once.
     """
     old: OrbitData = a.examined.data
     length, count = b.arc - a.arc, len(data.followed)
@@ -59,5 +66,5 @@ def search_between(
     away, before = old.beside or (ASIDE * length, spectra(np.array([ASIDE]))[0])
     beside = spectra(np.array([1.0 - ASIDE]))[0]
     ends = Spectrum(start, before, away / length), Spectrum(end, beside, -ASIDE)
-    several = several_critical(spectra, *ends, circle_tests, _PARTS)
+    several = several_critical(spectra, *ends, circle_tests, _PARTS, touches=touches)
     return several is not False, replace(data, beside=(-ASIDE * length, beside))

@@ -39,6 +39,7 @@ from saltus.orbits.correction import corrected
 from saltus.orbits.observables.gradients import slope_along
 from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.rounds import divided
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.floquet import (
     Passage,
@@ -72,6 +73,8 @@ _UNSOLVED = {
 }
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
+_PARTED = 1e-4  # arclength between a fold and a branch point that are one where the period halves
+_ALIKE = 1e-3  # difference of an orbit's halves there, over the states' sizes
 _ONE = 1e-5  # distance of a multiplier from 1 up to which the orbit may be one of a family
 _CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
 
@@ -258,7 +261,9 @@ class OrbitZeroProblem:
             monitors[name], fault, self._crossed = ends[1], None, way.real
         several = None
         if fault is None and not self.neutral:
-            several, data = search_between(self._spectrum, before, point, data)
+            known = before.examined.monitors
+            turns = (monitors.get(name, math.nan) * known.get(name, math.nan) < 0.0 for name in (_SN, _BP))
+            several, data = search_between(self._spectrum, before, point, data, touches=all(turns))
             problem.set_parameters(point.u)
             fault = DOUBT if several else None
         single = [name for name in monitors if name.kind in ("PD", "BP", "TR")] if several is False else []
@@ -355,9 +360,9 @@ class OrbitZeroProblem:
         not jump, the parameter turns like the square of the vanishing duration. Every determinant then has a zero,
         which is a shadow too. docs/theory/continuation.md, "Special points", explains both.
         """
-        points = [event.point.arc for event in events if event.name == _BP]
+        points = [event.point for event in events if event.name == _BP]
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
-        kept = [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
+        kept = [e for e in events if e.name != _SN or not any(self._turned_by(point, e.point.arc) for point in points)]
         kept = [e for e in kept if not bifurcates(e.name) or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
         kept = once([e for e in kept if not self._opposite(e)])
         for event in kept:
@@ -378,6 +383,14 @@ class OrbitZeroProblem:
         if first is None or self._step is None or not long:
             return kept
         return self._unexplained(first, *self._step) or kept
+
+    def _turned_by(self, point: Point, arc: float) -> bool:
+        """Whether the parameter turns at a branch point, as it does where the period halves.
+
+        There the equations' errors part both zeros, since they differ between the orbit's halves.
+        """
+        apart, sizes = abs(point.arc - arc), _ALIKE * self.problem.state_scale
+        return apart <= 1e-5 or (apart <= _PARTED and divided(self.problem, point.u, 2, sizes) is not None)
 
     def _take_limits(self, event: Event) -> None:
         """Give an event at which a segment vanishes the multipliers that the orbit has there, where it has any."""
