@@ -70,7 +70,8 @@ def page(session, toys) -> Page:
 
 def test_the_first_solution_is_selected(page, session):
     assert session.settings.selected == Place(of="orbit1")
-    assert "<th>beats</th>" in page.orbit._readings.object
+    page.orbit.tabs.active = 2
+    assert "<th>beats</th>" in page.orbit.later.made("Observables").panel.object
     assert page.actions._text.object == "orbit1 · stable"
 
 

@@ -79,7 +79,7 @@ class Page(Listener):
         self._later = self.orbit.later
         if len(self.session.system.states) >= _PLANE:
             self._later.add(_BASINS, self._basin_view)
-        self._later.add(_SPACE, lambda: SpaceView(self.session, self.diagram.colour))
+        self._later.add(_SPACE, lambda: SpaceView(self.session, self.diagram.colour), SpaceView.redraw)
         self._later.add("Equations", lambda: EquationsView(self.session, defined))
         self.parameters = ParameterView(self.session, self._values_changed, self._slides, self._line)
         self.numerics = NumericsView(self.session, self._settings_changed, self._line)
@@ -278,7 +278,7 @@ class Page(Listener):
 
     def _hidden_changed(self) -> None:
         self.diagrams.redraw()
-        self._redraw_space()
+        self._later.redraw(_SPACE)
         self.plane.draw()
         self._settings_changed()
 
@@ -387,7 +387,7 @@ class Page(Listener):
 
     def _show_all(self) -> None:
         self.diagrams.redraw()
-        self._redraw_space()
+        self._later.redraw(_SPACE)
         self.list.show(self._colour, self.diagram.unseen)
         self.undo.disabled, self.undo.tags = not self.session.entries, [self.session.last]  # at once: as the list says
         self.points.show()
@@ -407,10 +407,6 @@ class Page(Listener):
         basins: list[Any] = [entry.result for entry in self.session.entries if entry.step.noun == "basins"]
         if basins:
             view.show(basins[-1])
-
-    def _redraw_space(self) -> None:
-        if (view := self._later.made(_SPACE)) is not None:
-            view.redraw()
 
     def _colour(self, number: int) -> str:
         entry = self.session.entries[number]

@@ -29,12 +29,18 @@ def spectrum_of(view: OrbitView) -> SpectrumView:
     return view.later.made("Multipliers")
 
 
+def readings_of(view: OrbitView) -> str:
+    """Return the table of observables of a view, at which a person looks."""
+    view.tabs.active = 2
+    return view.later.made("Observables").panel.object
+
+
 def test_nothing_is_shown_where_nothing_is_selected(session, lines, toys):
     view = viewed(session, lines, toys)
     assert "click on a branch" in view.title.object
     assert view._sources["portrait"][0].data["xs"] == []
     spectrum = spectrum_of(view)
-    assert (spectrum.values.data["x"], spectrum.numbers.object, view._readings.object) == ([], "", "")
+    assert (spectrum.values.data["x"], spectrum.numbers.object, readings_of(view)) == ([], "", "")
 
 
 def test_an_orbit_has_a_portrait_and_a_series(session, lines, toys):
@@ -71,12 +77,12 @@ def test_a_motion_has_no_multipliers(session, lines, toys):
     view = viewed(session, lines, toys, "motion1")
     assert spectrum_of(view).values.data["x"] == []
     assert spectrum_of(view).figure.title.text == ""
-    assert "z at the end" in view._readings.object
+    assert "z at the end" in readings_of(view)
     assert len(view._sources["series"][1].data["x"]) == np.sum(session.results["motion1"].events["kind"] == "event")
 
 
 def test_an_instrument_shows_an_orbit(session, lines, toys):
-    assert "<th>beats</th><td>0.159154943</td>" in viewed(session, lines, toys, "orbit1")._readings.object
+    assert "<th>beats</th><td>0.159154943</td>" in readings_of(viewed(session, lines, toys, "orbit1"))
 
 
 def test_other_quantities_are_drawn_and_kept(session, lines, toys):
@@ -105,4 +111,4 @@ def test_a_motion_of_too_many_steps_is_told_and_not_drawn(session, lines, toys, 
     steps = len(session.results["motion1"].step_times)
     told = f"motion = '{steps} steps': must be of at most 5 steps to be drawn; it is kept"
     assert lines == [told, told]  # of the portrait and of the series
-    assert "events" in view._readings.object
+    assert "events" in readings_of(view)

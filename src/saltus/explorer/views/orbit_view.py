@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["OrbitView"]
 
 _SPECTRUM = "Multipliers"  # name on a tab
+_READINGS = "Observables"  # the same
 _HEIGHT = 235  # pixels of a figure
 _LINEARISED = '<p class="hint">Lines: motions of the field linearised at the equilibrium.</p>'
 _MOST_EVENTS = 400  # events of a motion that are marked
@@ -31,6 +32,12 @@ _MOST_POINTS = 20_000  # points of a map's motion that are drawn
 _DOT = 6.0  # pixels of a point where there are few
 _SMALL_DOT = 2.0  # pixels of one where there are many
 _AID = "#8a94a0"  # of thin curves beside a motion
+
+
+class Readings(NamedTuple):
+    """A table of observables."""
+
+    panel: Any
 
 
 class OrbitView:
@@ -64,7 +71,6 @@ class OrbitView:
         self._shown: Any = None
         self.title = widgets.html("orbit-title")
         self._portrait, self._series = look.figure_of("portrait", height=_HEIGHT), look.figure_of("series", height=190)
-        self._readings = widgets.html("readings")
         self._near = widgets.html("nearby", _LINEARISED, (0, 8))
         self._sources = {name: _lines(made) for name, made in (("portrait", self._portrait), ("series", self._series))}
         self._axes = self._choosers()
@@ -73,8 +79,8 @@ class OrbitView:
         one = widgets.column(widgets.row(*self._axes), *figures, self._near)
         self.tabs = widgets.tabs(Orbit=one)
         self.later = LaterTabs(self.tabs)
-        self.later.add(_SPECTRUM, self._spectrum_view)
-        self.tabs.append(("Observables", self._readings))
+        self.later.add(_SPECTRUM, self._spectrum_view, self._show_spectrum)
+        self.later.add(_READINGS, self._readings_view, self._show_readings)
         self.panel = widgets.column(self.title, self.tabs)
         self.show(None, "")
 
@@ -111,7 +117,7 @@ class OrbitView:
         """
         self._shown, self.title.object = solution, title or "Nothing selected: click on a branch."
         self._draw()
-        self._tell_numbers()
+        self.later.redraw(_SPECTRUM, _READINGS)
 
     def _draw(self) -> None:
         x, y, over = self._session.settings.planes
@@ -143,16 +149,21 @@ class OrbitView:
         both = {"x": dots[:, 0].tolist(), "y": dots[:, 1].tolist()}
         return lines, {**both, "tip": [tip] * len(dots), "size": [size] * len(dots)}
 
-    def _tell_numbers(self) -> None:
-        shown = self._shown
-        if (spectrum := self.later.made(_SPECTRUM)) is not None:
-            spectrum.show(traits_of(shown))
-        self._readings.object = look.table(readings_of(shown, self._instrument))
-
     def _spectrum_view(self) -> SpectrumView:
         made = SpectrumView()
-        made.show(traits_of(self._shown))
+        self._show_spectrum(made)
         return made
+
+    def _show_spectrum(self, view: SpectrumView) -> None:
+        view.show(traits_of(self._shown))
+
+    def _readings_view(self) -> Readings:
+        made = Readings(widgets.html("readings"))
+        self._show_readings(made)
+        return made
+
+    def _show_readings(self, view: Readings) -> None:
+        view.panel.object = look.table(readings_of(self._shown, self._instrument))
 
 
 _NO_LINES: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": [], "mode": [], "width": []}
