@@ -30,7 +30,7 @@ system = saltus.HybridSystem.smooth({"x": "v", "v": "-c*v + x - x**3 + F*cos(s)"
                                     phase=("s", "w"))
 """
 _TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 1
-_DRAG = 60  # moves of a slider
+_DRAG = 40  # moves of a slider, of two pixels each: each is another value
 
 # frames of the page while the diagram is dragged
 _FRAMES = """() => { window.frames_ = []; let last = performance.now(); window.running_ = true
@@ -149,7 +149,7 @@ def slide(screen: Screen, clock: Clock) -> None:
     screen.fill("start-x", "0.7")
     screen.eventually(lambda: screen.column("portrait", "carried", "x"))  # the process that draws is ready
     page.evaluate(_DRAWN)
-    screen.drag("F", _DRAG, 0.5)
+    screen.drag("F", _DRAG, 2.0)
     page.mouse.up()
     screen.eventually(lambda: len(page.evaluate("() => window.drawn")) >= 4)
     drawn = page.evaluate("() => window.drawn")

@@ -26,7 +26,7 @@ __all__ = ["ENDED", "Companion", "Message"]
 
 ENDED = "the process that worked on this has ended"  # what is said of each piece that it had
 
-_PACE = 0.05  # seconds between two reports of progress, at least
+_PACE = 0.25  # seconds between two reports of progress, at least
 _PAUSE = 0.005  # seconds between two tries to interrupt what may not be interrupted
 # Modules in which an interrupt waits: of a package that is imported, or a function that is compiled, half would stay.
 _WHOLE = ("importlib._bootstrap", "numba", "llvmlite")

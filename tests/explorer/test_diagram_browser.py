@@ -48,6 +48,16 @@ _FOCUS = """() => {
   return [names.join(' '), at?.tagName, at?.innerText ?? '']
 }"""
 
+# what figures ask style sheets for while all are painted anew
+_ASKED = """async () => {
+  const asked = [], own = CSSStyleDeclaration.prototype, ask = own.getPropertyValue
+  own.getPropertyValue = function(name) { asked.push(name); return ask.call(this, name) }
+  for (const view of Bokeh.index.query(view => view.model.type.endsWith('Figure'))) view.request_repaint()
+  await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))
+  own.getPropertyValue = ask
+  return asked.filter(name => name.startsWith('--bk'))
+}"""
+
 
 def _kept(home: Path, steps, results, axes: tuple[str, str]) -> Path:
     """Return the folder of a session in which steps were taken."""
@@ -352,3 +362,26 @@ def test_notes_of_the_session_know_what_was_chosen(opened, ball, home):
     notes = json.loads(file.read_text())
     assert notes["axes"][0] == "e"
     assert Place.model_validate(notes["selected"]) == Place(of="orbit1")
+
+
+def test_figures_are_painted_without_a_look_into_style_sheets(screen):
+    """Each look makes the browser work out the styles of the whole page: a third of the time of a picture."""
+    assert screen.page.evaluate("() => [...Bokeh.index.query(v => v.model.type.endsWith('Figure'))].length") >= 3
+    assert screen.page.evaluate(_ASKED) == []
+
+
+def test_what_a_click_changes_comes_in_one_message(window, address, kept):
+    page = window.new_page()
+    came = []
+    page.on("websocket", lambda socket: socket.on("framereceived", lambda sent: came.append(sent)))
+    screen = Screen(page, address, f"&session={kept.folder.name}")
+    screen.wait("branch1")
+    screen.rest()
+    x, y = (screen.column("diagram", "points", axis) for axis in "xy")
+    came.clear()
+    before = screen.text("orbit-title")
+    screen.click_at("diagram", x[30], y[30])
+    screen.eventually(lambda: screen.text("orbit-title") != before)
+    screen.rest()
+    changes = [text for text in came if isinstance(text, str) and '"msgtype":"PATCH-DOC"' in text.replace(" ", "")]
+    assert len(changes) <= 3, len(changes)

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from saltus.explorer.live import Frame, Live, Wish, motion_frame, orbit_frame, segments_of
+from saltus.explorer.live import Frame, Live, Wish, motion_frame, orbit_frame, picture, segments_of
 from saltus.explorer.subjects import definition_of
 
 
@@ -76,13 +76,14 @@ class Slow:
         return len(self.asked)
 
     def answer(self, **content) -> None:
-        from saltus.companion import Message
-
         function, (wish, *_) = self.asked[-1]
         part = "motion" if function is motion_frame else "orbit"
-        self.answers.append(
-            Message(len(self.asked), "result", Frame(wish, part, np.empty((0, 2)), np.empty((0, 2)), **content))
-        )
+        self.say(Frame(wish, part, np.empty((0, 2)), np.empty((0, 2)), **content))
+
+    def say(self, content) -> None:
+        from saltus.companion import Message
+
+        self.answers.append(Message(len(self.asked), "result", content))
 
     def heard(self) -> list:
         told, self.answers = self.answers, []
@@ -126,6 +127,36 @@ def test_to_get_ready_replaces_no_wish_that_is_to_be_shown(slow, wish):
     assert [frame.wish.parameters["a"] for frame in shown] == [1.0, 1.1]
 
 
+def test_an_orbit_that_takes_little_is_drawn_with_the_motion(slow, wish, results):
+    live, companion, shown = slow
+    live.start_from(results["orbit1"])
+    live.want(wish())
+    for _ in range(2):  # at first one after the other
+        companion.answer(seconds=0.01, segments="next")
+        live.listen()
+    live.want(wish(parameters={"a": 1.25}))
+    function, (_, _, first) = companion.asked[-1]
+    assert (function, first) == (picture, "next")
+    both = [Frame(wish(), part, np.empty((0, 2)), np.empty((0, 2)), "", "last", 0.1) for part in ("motion", "orbit")]
+    companion.say(tuple(both))
+    live.listen()
+    assert not live.busy
+    assert [frame.part for frame in shown] == ["motion", "orbit", "motion", "orbit"]
+    live.want(wish())  # this orbit has taken longer
+    assert companion.asked[-1][0] is motion_frame
+    assert live._segments == "last"
+
+
+def test_a_picture_has_the_motion_and_the_orbit(wish, results):
+    segments = segments_of(results["orbit1"])
+    for drawn, alone in zip(
+        picture(wish(), 500, segments), (motion_frame(wish(), 500), orbit_frame(wish(), segments)), strict=True
+    ):
+        assert (drawn.part, drawn.told) == (alone.part, alone.told)
+        assert np.array_equal(drawn.portrait, alone.portrait, equal_nan=True)
+        assert drawn.seconds > 0.0
+
+
 def test_the_orbit_follows_the_motion_and_goes_on_from_the_last(slow, wish, results):
     live, companion, shown = slow
     live.start_from(results["orbit1"])
@@ -135,7 +166,7 @@ def test_the_orbit_follows_the_motion_and_goes_on_from_the_last(slow, wish, resu
     function, (_, first) = companion.asked[-1]
     assert function is orbit_frame
     assert repr(first) == repr(segments_of(results["orbit1"]))
-    companion.answer(segments="next")
+    companion.answer(segments="next", seconds=1.0)
     live.want(wish())
     live.listen()
     companion.answer(seconds=0.01)

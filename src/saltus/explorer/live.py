@@ -25,9 +25,11 @@ if TYPE_CHECKING:
     from saltus.progress import Report
     from saltus.system import HybridSystem
 
-__all__ = ["Frame", "Live", "Wish", "joined", "motion_frame", "orbit_frame", "prepare", "segments_of"]
+    Curves = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-_FRAME = 0.015  # seconds of a processor that the motion in a picture should take
+__all__ = ["Frame", "Live", "Wish", "joined", "motion_frame", "orbit_frame", "picture", "prepare", "segments_of"]
+
+_FRAME = 0.015  # seconds of a processor that the motion in a picture should take, and the orbit beside it at most
 _STEPS = (150, 2000)  # fewest and most steps of a motion that is drawn
 _EVENTS = 2000  # most events of a motion that is drawn
 _WHOLE = 0.999  # share of a motion from which on all of it is drawn
@@ -118,16 +120,39 @@ def orbit_frame(wish: Wish, segments: Any, progress: Report | bool = False) -> F
     """
     from saltus.orbits import solve_orbit
 
+    begun = time.process_time()
+
+    def frame(told: str, curves: Curves = (_EMPTY, _EMPTY), segments: Any = None) -> Frame:
+        """Return the picture with the time that it took."""
+        return Frame(wish, "orbit", *curves, told, segments, time.process_time() - begun)
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = solve_orbit(flowing(system_of(wish.definition)), wish.parameters, segments)
         if not found.admissible:
-            return Frame(wish, "orbit", _EMPTY, _EMPTY, f"{_LOST}: {', '.join(found.reasons)}")
+            return frame(f"{_LOST}: {', '.join(found.reasons)}")
         told = "the orbit is carried, " + ("stable" if found.stable else "unstable")
-        return Frame(wish, "orbit", *_curves(found, wish), told, segments_of(found))
+        return frame(told, _curves(found, wish), segments_of(found))
     except SaltusError:
-        return Frame(wish, "orbit", _EMPTY, _EMPTY, _LOST)
+        return frame(_LOST)
+
+
+def picture(wish: Wish, steps: int, segments: Any, progress: Report | bool = False) -> tuple[Frame, Frame]:
+    """Return the motion from a start, and the orbit that one nearby becomes: a browser paints both at once.
+
+    Parameters
+    ----------
+    wish : Wish
+        What is to be drawn.
+    steps : int
+        Most steps of the motion.
+    segments : sequence of (mode, transition, state, duration)
+        Those of the orbit at values nearby.
+    progress : callable or bool, optional
+        Not used.
+    """
+    return motion_frame(wish, steps), orbit_frame(wish, segments)
 
 
 def _unit(system: HybridSystem, wish: Wish) -> float:
@@ -147,7 +172,7 @@ def segments_of(orbit: Any) -> Any:
     return tuple(tuple(segment) for segment in orbit.segments) if isinstance(orbit, PeriodicOrbit) else None
 
 
-def _curves(shown: Any, wish: Wish) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _curves(shown: Any, wish: Wish) -> Curves:
     """Return a motion in the portrait and over time."""
     x, y, over = wish.planes
     table = joined(path_of(shown, (x, y, "t", over)).curves)
@@ -180,6 +205,7 @@ class Live:
         self._steps = _STEPS[1] // 2
         self._segments: Any = None
         self._sent: Any = None
+        self._quick = False  # whether the orbit took so little time that it is drawn with the motion
 
     @property
     def busy(self) -> bool:
@@ -188,7 +214,7 @@ class Live:
 
     def start_from(self, orbit: Any) -> None:
         """Carry another orbit from now on; None for none."""
-        self._segments, self._half = segments_of(orbit), None
+        self._segments, self._half, self._quick = segments_of(orbit), None, False
 
     def want(self, wish: Wish) -> None:
         """Ask for a picture; of wishes that come while another is drawn, the last one counts.
@@ -202,10 +228,13 @@ class Live:
             self._next()
 
     def _next(self) -> None:
-        """Ask for the orbit of the motion that was drawn last, else for the motion that is wished now."""
+        """Ask for the orbit of the motion that was drawn last, else for what is wished now."""
         if self._half is not None and self._segments is not None:
             wish, self._half, self._sent = self._half, None, self._segments
             self._key = self._companion.submit(orbit_frame, wish, self._sent)
+        elif self._waiting is not None and self._quick and self._segments is not None:
+            wish, self._waiting, self._sent = self._waiting, None, self._segments
+            self._key = self._companion.submit(picture, wish, self._steps, self._sent)
         elif self._waiting is not None:
             self._half, self._waiting = self._waiting, None
             self._key = self._companion.submit(motion_frame, self._half, self._steps)
@@ -216,7 +245,8 @@ class Live:
             if message.kind != "progress" and message.key == self._key:
                 self._key = None
                 if message.kind == "result":
-                    self._take(message.content)
+                    for drawn in message.content if isinstance(message.content, tuple) else (message.content,):
+                        self._take(drawn)
         if self._key is None:
             self._next()
 
@@ -226,8 +256,9 @@ class Live:
             self._steps = int(min(max(self._steps * scale, _STEPS[0]), _STEPS[1]))
         elif self._segments is not self._sent:  # another one is carried meanwhile
             return
-        elif drawn.segments is not None:
-            self._segments = drawn.segments
+        else:
+            self._quick = drawn.seconds < _FRAME
+            self._segments = self._segments if drawn.segments is None else drawn.segments
         if drawn.wish.shown:
             self._shown(drawn)
 

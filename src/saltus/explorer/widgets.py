@@ -50,6 +50,7 @@ __all__ = [
 
 _FILM = 640  # pixels of a film's width
 _TURNS = 4  # turns of the server's loop that a change and those that it makes may need
+_SLIDES = 10  # milliseconds after which a slider's value is taken in
 _MARGIN = (2, 4)  # pixels above and below, left and right
 _TIP = ":host { max-width: 104px; white-space: normal; }"  # so that it is whole below a button at the window's edge
 _P = ParamSpec("_P")
@@ -150,11 +151,15 @@ def tell_faults(tell: Callable[[Exception], None]) -> None:
 
 
 def guarded(work: Callable[_P, object]) -> Callable[_P, None]:
-    """Return work of which an error is told in the page that asks for it, and in the log; raised without a page."""
+    """Return work of which an error is told in the page that asks for it, and in the log; raised without a page.
+
+    What the work changes in the page goes to its browser in one message, in order: it is painted once.
+    """
 
     def done(*given: _P.args, **options: _P.kwargs) -> None:
         try:
-            work(*given, **options)
+            with pn.io.unlocked():
+                work(*given, **options)
         except Exception as error:
             found = _TOLD.get(pn.state.curdoc) if pn.state.curdoc is not None else None
             tell = None if found is None else found()
@@ -216,7 +221,9 @@ def slider(value: int, end: int, width: int, name: str, shown: tuple[float, floa
     code = f"return String(Number(({low!r} + {high - low!r} * tick / {end}).toPrecision(6)))"
     options = {"css_classes": [name], "margin": (0, 12), "stylesheets": _sheets(), "show_value": False}
     options |= {"format": CustomJSTickFormatter(code=code)}
-    return pn.widgets.IntSlider(value=value, start=0, end=end, width=width, **options)
+    made = pn.widgets.IntSlider(value=value, start=0, end=end, width=width, **options)
+    made._debounce = _SLIDES  # Panel waits for the last of several changes, here the browser does
+    return made
 
 
 def choice(title: str, options: Mapping[str, Any] | Sequence[str], value: Any, width: int, name: str = "") -> Any:
