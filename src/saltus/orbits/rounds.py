@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.orbits.problem import OrbitProblem
+    from saltus.orbits.signature import Survey
 
 __all__ = ["divided", "repeats_of", "rounds_of"]
 
@@ -77,7 +78,11 @@ def _repeats(problem: OrbitProblem, blocks: NDArray[np.float64], count: int, kno
 
 
 def divided(
-    problem: OrbitProblem, u: NDArray[np.float64], count: int, sizes: NDArray[np.float64] | None = None
+    problem: OrbitProblem,
+    u: NDArray[np.float64],
+    count: int,
+    sizes: NDArray[np.float64] | None = None,
+    known: Survey | None = None,
 ) -> tuple[Signature, NDArray[np.float64]] | None:
     """Return signature and unknowns of the orbit that `u` goes round `count` times; None where its rounds differ.
 
@@ -91,13 +96,15 @@ def divided(
         Rounds, 2 or more.
     sizes : ndarray, shape (n,), optional
         Differences of the states up to which two rounds are the same; by default a millionth of the states' ranges.
+    known : Survey, optional
+        What the last dense look showed, if it was at `u`, in one piece between events.
     """
     problem, u = whole(problem, u)
     signature, n, turns = problem.signature, problem.n, problem.signature.turns
     blocks = u[: problem.size].reshape(problem.segments, n + 1)
     if turns % count:
         return None
-    survey = problem.survey(u)
+    survey = problem.survey(u) if known is None else known
     if signature.kinds[0] in (PHASE_END, CLOSED_END):
         starts = [blocks[0, :n], *(problem.state_on(0, clustered(j / count)) for j in range(1, count))]
         rounds = np.array([[np.append(state, blocks[0, n] / count)] for state in starts])

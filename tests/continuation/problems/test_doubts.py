@@ -107,3 +107,26 @@ def test_a_multiplier_that_touches_1_where_the_period_halves_does_not_stop_the_b
     assert last.type == "BP"
     assert last.parameters["W"] == pytest.approx(1.1096599561613, abs=1e-8)
     assert [point.type for point in branch.special_points] == ["PD", "GR", "PD", "SN", "SN", "GR", "PD", "PD", "BP"]
+
+
+@pytest.mark.parametrize("largest", [0.01, 0.1])
+def test_a_doubled_orbit_does_not_become_the_single_one_without_a_branch_point(largest: float) -> None:
+    """Its fold and the halving lie within 1e-4 of the state, and both orbits have as many unstable multipliers."""
+    moved, fold, place = "(x - 1000)", 0.05, 6.25e-4
+    fourth = place / fold**4
+    image = f"1000 - {moved}*(1 + p - {2.0 * fourth * fold**2}*{moved}**2 + {fourth}*{moved}**4)"
+    system = HybridSystem(
+        ("x", "s"),
+        {"p": 0.0},
+        {"wait": Mode({"x": "0", "s": "1"})},
+        [Transition("wait", "wait", "s - 1", 1, {"x": image, "s": "0"}, name="map")],
+    )
+    square = 1.9 * fold**2
+    start = {"p": 2.0 * fourth * fold**2 * square - fourth * square**2}
+    states = [[1000.0 + side * math.sqrt(square), 0.0] for side in (1.0, -1.0)]
+    orbit = solve_orbit(system, start, [("wait", "map", state, 1.0) for state in states])
+    branch = continue_orbit(orbit, "p", (-1.0, 1.0), steps=StepControl(largest=largest))
+    assert branch.stopped[-1].endswith("the period halves")
+    assert {point.type for point in branch.special_points} == {"SN", "BP"}
+    assert branch["SN1"].parameters["p"] == pytest.approx(place, rel=1e-5)
+    assert branch["BP1"].parameters["p"] == pytest.approx(0.0, abs=1e-12)

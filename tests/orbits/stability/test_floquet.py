@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import systems
 from oracles.closed_forms import ImpactOrbit
 from oracles.tapping import Tapping, central_jacobian
-from saltus import solve_orbit
+from saltus import HybridSystem, Mode, Transition, solve_orbit
 from saltus.afm import table1, tapping_mode
 
 GUESSES = {
@@ -135,3 +135,25 @@ def test_impact_multipliers_are_those_of_the_stroboscopic_map(w, m, U):
     np.testing.assert_allclose(image(orbit.x0), orbit.x0, atol=1e-9)
     J = central_jacobian(image, orbit.x0, 1e-5)
     np.testing.assert_allclose(np.poly(orbit.multipliers).real, np.poly(J), atol=2e-6 * max(1.0, np.abs(J).max()))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_rest_at_0_of_states_in_unlike_units_has_the_multipliers_of_its_map(seed: int) -> None:
+    """A sampled system at rest gives its states no sizes, and they differ by 1e8."""
+    random = np.random.default_rng(seed)
+    like = random.normal(size=(3, 3))
+    like *= 1.05 / np.abs(np.linalg.eigvals(like)).max()
+    units = np.array([1e4, 1e-4, 1.0])
+    matrix = (units[:, None] * like / units).tolist()
+    names = ["x", "y", "z"]
+    images = {
+        name: "+".join(f"({a})*{other}" for a, other in zip(row, names, strict=True))
+        for name, row in zip(names, matrix, strict=True)
+    }
+    wait = Mode(dict.fromkeys(names, "0") | {"s": "1"})
+    sample = Transition("wait", "wait", "s - 1", 1, images | {"s": "0"}, name="sample")
+    system = HybridSystem((*names, "s"), {}, {"wait": wait}, [sample])
+    orbit = solve_orbit(system, {}, [("wait", "sample", [0.0] * 4, 1.0)])
+    exact = np.linalg.eigvals(like)
+    assert np.sort(np.abs(orbit.multipliers[:3])) == pytest.approx(np.sort(np.abs(exact)), rel=1e-6)
+    assert not orbit.stable

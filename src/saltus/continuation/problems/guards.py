@@ -14,6 +14,8 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.verdicts import RESTS, ROUNDED
 from saltus.continuation.core.zero_problem import Point
+from saltus.orbits.rounds import divided
+from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.critical import openness
 from saltus.orbits.stability.floquet import Passage, multiplier_errors, nontrivial
 
@@ -25,15 +27,17 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
 
 __all__ = [
-    "CROSSINGS", "INFINITE", "RESIDUAL", "SHORT",
-    "residual_fault", "rests", "step_fault", "unconfirmed", "undetermined",
+    "CROSSINGS", "HALVES", "INFINITE", "RESIDUAL", "SHORT",
+    "goes_twice", "residual_fault", "rests", "step_fault", "unconfirmed", "undetermined",
 ]  # fmt: skip
 
 RESIDUAL = 1e-8  # largest residual of an orbit that is kept, over the sizes of states and events
 INFINITE = 1e10  # modulus from which on a multiplier counts as infinite: the orbit is at a grazing
 CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
+HALVES = "halves: the orbit goes round a shorter one twice, and no branch point explains it"
 SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
 _STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
+_SAME = 1e-8  # difference of an orbit's halves, over the states' sizes, up to which they are one
 _SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
 _OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
 _CONFIRMED = 1e-5  # distance of a multiplier from its critical value that confirms a bifurcation, besides its error
@@ -63,6 +67,13 @@ def residual_fault(problem: OrbitProblem, survey: Survey, u: NDArray[np.float64]
     sizes = np.maximum(problem.event_sizes(u), float(problem.state_scale.max()))
     left = float(np.max(survey.rates[:, 2] / sizes))
     return None if left <= RESIDUAL else f"residual: {left:.1e} of the orbit's size is left of the equations"
+
+
+def goes_twice(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> bool:
+    """Return whether an orbit, just surveyed, goes round a shorter one twice; False of an orbit cut in pieces."""
+    if CUT_END in problem.signature.kinds:
+        return False
+    return divided(problem, u, 2, _SAME * problem.state_scale, survey) is not None
 
 
 def undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:

@@ -21,8 +21,10 @@ from saltus.continuation.problems.doubts import DOUBT, search_between
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import (
     CROSSINGS,
+    HALVES,
     INFINITE,
     SHORT,
+    goes_twice,
     residual_fault,
     rests,
     step_fault,
@@ -230,6 +232,7 @@ class OrbitZeroProblem:
             if (fault := solve_again(self, problem, point, point.u)) is not None:
                 return Examined({}, fault)
             survey = problem.survey(point.u)
+        twice = goes_twice(problem, point.u, survey)
         if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
             return Examined({}, fault)
         watched = {name: watch.distance(problem, point.u) for name, watch in self._observables.items()}
@@ -241,7 +244,7 @@ class OrbitZeroProblem:
         way = self._follow(point, before, values)
         followed = way.followed
         unstable = unstable_count(values[: len(followed)], neutral=self.neutral)
-        data = OrbitData(survey, values, unstable, followed)
+        data = OrbitData(survey, values, unstable, followed, twice=twice)
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
         still_ahead(monitors, survey, before)
@@ -259,9 +262,10 @@ class OrbitZeroProblem:
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
             monitors[name], fault, self._crossed = ends[1], None, way.real
-        several = None
+        known, several = before.examined.monitors, None
+        if fault is None and twice > before.examined.data.twice and monitors[_BP] * known[_BP] > 0.0:
+            fault = HALVES
         if fault is None and not self.neutral:
-            known = before.examined.monitors
             turns = (monitors.get(name, math.nan) * known.get(name, math.nan) < 0.0 for name in (_SN, _BP))
             several, data = search_between(self._spectrum, before, point, data, touches=all(turns))
             problem.set_parameters(point.u)

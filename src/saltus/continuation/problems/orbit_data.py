@@ -26,6 +26,7 @@ class OrbitData:
     behind: tuple[float, tuple[complex, ...]] | None = None  # arclength from the point before, and its own of these
     # the same at a place nearby: the arclength to there, and the values, in any order
     beside: tuple[float, NDArray[np.complex128]] | None = None
+    twice: bool = False  # whether the orbit goes round a shorter one twice
 
 
 @dataclass(frozen=True)

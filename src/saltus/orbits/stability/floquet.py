@@ -230,11 +230,17 @@ def _quotient(P: NDArray[np.float64], flow: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the generalised eigenvalues of a pencil, infinite ones as inf."""
-    from scipy.linalg.lapack import dggev
+    """Return the generalised eigenvalues of a pencil, infinite ones as inf.
+
+    A state that rests at 0 has no size of its own. Units in which both matrices are balanced take its place.
+    """
+    from scipy.linalg.lapack import dgebal, dggev
 
     if not P.size:
         return np.empty(0, dtype=np.complex128)
+    units = dgebal(np.abs(P) + np.abs(R), scale=1, permute=0)[3]  # powers of two
+    if np.all(np.isfinite(units)):
+        P, R = P * units / units[:, None], R * units / units[:, None]
     re, im, beta, _, _, _, info = dggev(P, R, compute_vl=0, compute_vr=0)
     if info != 0:
         return np.full(len(P), np.nan + 0j)
