@@ -91,7 +91,7 @@ def test_undo_drops_no_result_that_the_page_has_not_shown(screen, window, addres
     for browsers, said in held:
         browsers.send(said)
     slow.until("message", "that is orbit2 now")
-    assert slow.results == screen.results == ["orbit1", "branch1", "orbit2"]
+    slow.eventually(lambda: slow.results == screen.results == ["orbit1", "branch1", "orbit2"])  # rows come one by one
     slow.page.click(".undo")
     screen.page.wait_for_selector(".result-orbit2", state="detached")
     page.close()
