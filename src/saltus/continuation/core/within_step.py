@@ -172,21 +172,12 @@ def several_critical(
     if not all(np.all(np.isfinite(values)) for values in (centre, *first[:2], *last[:2])):
         return None
     zeros: list[list[float]] = [[], [], []]
-    known_tests: dict[tuple[complex, ...], Tested] = {}
-
-    def tested(values: list[complex]) -> Tested:
-        """Return the functions of values, which parts that lie side by side share."""
-        key = tuple(values)
-        if key not in known_tests:
-            known_tests[key] = tests(values)
-        return known_tests[key]
-
     parts = [(_Place.at(0.0, first), _Place.at(1.0, last), centre.tolist(), 0)]
     looked = 0
     while parts:
         left, right, middle, depth = parts.pop()
         looked += 1
-        found = _zeros_of_part(left, right, middle, tested, final=depth == _DEEPEST or looked >= _MOST)
+        found = _zeros_of_part(left, right, middle, tests, final=depth == _DEEPEST or looked >= _MOST)
         if found is None and looked == most:
             return None
         if found is None:
@@ -328,8 +319,6 @@ class _Way(NamedTuple):
 
 def _way(first: _Place, last: _Place, middle: list[complex], slopes: tuple[float, float], order: Sequence[int]) -> _Way:
     """Return the way of values through the middle of a part to those at its end, which are taken in an order."""
-    if len(middle) == 2:
-        return _Way([[first.values, first.beside, last.values, last.beside]], middle, 0.0)
     ends = [first.values, first.beside, [last.values[k] for k in order], [last.beside[k] for k in order]]
     sets = [[[values[k] for k in group] for values in ends] for group in _groups(ends[0], ends[2])]
     expected: list[complex] = []
