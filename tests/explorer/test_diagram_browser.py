@@ -365,7 +365,7 @@ def test_notes_of_the_session_know_what_was_chosen(opened, ball, home):
 
 
 def test_figures_are_painted_without_a_look_into_style_sheets(screen):
-    """Each look makes the browser work out the styles of the whole page: a third of the time of a picture."""
+    """Each look makes the browser work out the styles of the whole page: a fifth of the time of a picture."""
     assert screen.page.evaluate("() => [...Bokeh.index.query(v => v.model.type.endsWith('Figure'))].length") >= 3
     assert screen.page.evaluate(_ASKED) == []
 
