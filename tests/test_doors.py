@@ -30,3 +30,19 @@ def test_no_name_stands_behind_two_doors():
     names = [one for name in DOORS for one in importlib.import_module(f"saltus.{name}").__all__]
     assert len(names) == len(set(names))
     assert not set(names) & set(saltus.__all__)
+
+
+@pytest.mark.parametrize(
+    ("door", "name", "said"),
+    [
+        ("saltus.options", "StepControl", "; it is saltus.StepControl"),
+        ("saltus.results", "SweepOptions", "; it is saltus.options.SweepOptions"),
+        ("saltus.options", "SweepOption", "; did you mean 'SweepOptions'?"),
+        ("saltus", "find_orbits", "; did you mean 'find_orbit'?"),
+        ("saltus", "nonsense", ""),
+    ],
+)
+def test_a_name_at_the_wrong_door_or_nearly_right_is_told(door, name, said):
+    with pytest.raises(AttributeError) as told:
+        getattr(importlib.import_module(door), name)
+    assert str(told.value) == f"No {door} attribute {name}{said}"

@@ -9,6 +9,8 @@ from typing import Any
 
 import lazy_loader
 
+from saltus.doors import unknown
+
 _imported, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 # Modules of public names, where a name that stood here up to version 0.1 is now.
@@ -27,4 +29,5 @@ def __getattr__(name: str) -> Any:
                 # `from saltus import name` drops an AttributeError and its words, so it gets an ImportError
                 imported = sys._getframe(1).f_code.co_name == "_handle_fromlist"
                 raise (ImportError if imported else AttributeError)(f"saltus.{name} is now saltus.{door}.{known}")
+        raise AttributeError(unknown(__name__, name, __all__))
     return _imported(name)

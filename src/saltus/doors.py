@@ -4,11 +4,25 @@ from __future__ import annotations
 
 import ast
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-__all__ = ["opened"]
+__all__ = ["opened", "unknown"]
+
+_FRONT = "saltus"
+_DOORS = ("saltus.errors", "saltus.options", "saltus.results")  # modules of classes that users meet
+
+
+def unknown(module: str, name: str, names: Iterable[str]) -> str:
+    """Return the message of an attribute that a module lacks: the door that has it, or the nearest of its own names."""
+    import difflib
+
+    others = [door for door in (_FRONT, *_DOORS) if door != module and not name.startswith("_")]
+    home = next((door for door in others if name in importlib.import_module(door).__all__), None)
+    alike = difflib.get_close_matches(name, list(names), n=1)
+    hint = f"; it is {home}.{name}" if home else f"; did you mean {alike[0]!r}?" if alike else ""
+    return f"No {module} attribute {name}{hint}"
 
 
 def opened(module: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
@@ -21,7 +35,7 @@ def opened(module: str, file: str) -> tuple[Callable[[str], Any], Callable[[], l
 
     def imported(name: str) -> Any:
         if name not in homes:
-            raise AttributeError(f"No {module} attribute {name}")
+            raise AttributeError(unknown(module, name, homes))
         return getattr(importlib.import_module(homes[name]), name)
 
     return imported, lambda: sorted(homes), sorted(homes)

@@ -18,6 +18,7 @@ __all__ = [
     "SaltusError",
     "StickingError",
     "StiffnessError",
+    "UnknownNameError",
     "nearest",
     "shortened",
     "shown",
@@ -36,12 +37,9 @@ class SaltusError(Exception):
 
     Examples
     --------
-    >>> import saltus
-    >>> try:
-    ...     saltus.HybridSystem.smooth({"x": "-k*x"})
-    ... except saltus.SaltusError as error:
-    ...     print(type(error).__name__)
-    DefinitionError
+    >>> from saltus import InputError, SaltusError
+    >>> issubclass(InputError, SaltusError)
+    True
     """
 
 
@@ -81,6 +79,16 @@ class InputError(SaltusError, ValueError):
         name, value, allowed, hint = self.args
         plain = value is None or type(value) in (str, int, float, bool)
         return type(self), (name, value if plain else _Told(shown(value)), allowed, hint), self.__dict__ or None
+
+
+class UnknownNameError(InputError, KeyError):
+    """A name under which a mapping of a result holds nothing.
+
+    Examples
+    --------
+    >>> print(UnknownNameError("parameter", "Omga", "one of Omega, ybar", "did you mean 'Omega'?"))
+    parameter = 'Omga': must be one of Omega, ybar; did you mean 'Omega'?
+    """
 
 
 class _Told(str):
@@ -437,5 +445,6 @@ def nearest(name: object, names: Iterable[str]) -> str:
     """
     if not isinstance(name, str) or len(name) > _LONGEST_TEXT:
         return ""
-    found = difflib.get_close_matches(name, list(names), n=1, cutoff=0.5)
-    return f"did you mean {found[0]!r}?" if found else ""
+    folded = {known.casefold(): known for known in names}
+    found = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.5)
+    return f"did you mean {folded[found[0]]!r}?" if found else ""

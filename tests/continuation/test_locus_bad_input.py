@@ -83,7 +83,7 @@ def test_a_parameter_named_twice(fold):
 
 def test_an_unknown_parameter_is_told_with_those_that_are_known(fold):
     said = message(fold, ("a", "B"), {"a": (-1.0, 1.0), "B": (0.0, 1.0)})
-    assert said == "parameters = 'B': must be one of a, b"
+    assert said == "parameters = 'B': must be one of a, b; did you mean 'b'?"
 
 
 @pytest.mark.parametrize("bounds", [{"a": (-1.0, 1.0)}, {"a": (-1.0, 1.0), "c": (0.0, 1.0)}, (-1.0, 1.0), None])

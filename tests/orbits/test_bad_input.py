@@ -28,7 +28,7 @@ def changed(**parts):
     return [tuple(parts.get(name, value) for name, value in zip(names, GOOD, strict=True))]
 
 
-@pytest.mark.parametrize(("name", "hint"), [("aa", ""), ("w0", "; did you mean 'w'?")])
+@pytest.mark.parametrize(("name", "hint"), [("zz", ""), ("aa", "; did you mean 'A'?"), ("w0", "; did you mean 'w'?")])
 def test_unknown_parameter(oscillator, name, hint):
     with refuse(f"parameter = {name!r}: must be one of k, c, d, e, w, A{hint}"):
         solve_orbit(oscillator, {name: 1.0}, [GOOD])
@@ -92,7 +92,7 @@ def test_durations(oscillator, duration):
 
 @pytest.mark.parametrize("x0", [[1.0], [1.0, 2.0, 3.0, 4.0], [], 1.0])
 def test_states_of_another_length(oscillator, x0):
-    with refuse(f"segments[0] x0 = {x0!r}: must be of shape (2,), one number for each of x, v"):
+    with refuse(f"segments[0] x0 = {x0!r}: must be of shape (2,), one number for each of x, v, or (3,) with the phase theta"):
         solve_orbit(oscillator, {}, changed(x0=x0))
 
 

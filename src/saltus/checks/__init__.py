@@ -25,7 +25,7 @@ from saltus.checks.numeric import (
     size,
 )
 from saltus.checks.objects import flag, function, instance
-from saltus.checks.textual import chosen, listed, mapping, names, path, text
+from saltus.checks.textual import chosen, listed, mapping, named_values, names, path, text
 
 __all__ = [
     "LARGEST_COUNT",
@@ -43,6 +43,7 @@ __all__ = [
     "is_real",
     "listed",
     "mapping",
+    "named_values",
     "names",
     "non_negative",
     "number",

@@ -6,14 +6,16 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
-from saltus.errors import InputError, nearest
+from saltus.errors import InputError, UnknownNameError, nearest
 
 __all__ = [
     "chosen",
     "listed",
     "mapping",
+    "named_values",
     "names",
     "path",
     "text",
@@ -65,6 +67,31 @@ def chosen(name: str, value: object, known: Iterable[str], *, instead: str = "",
         return value
     allowed = f"one of {', '.join(names_)}" if names_ else "left out, as there is none"
     raise InputError(name, value, allowed + instead, nearest(value, names_) or hint)
+
+
+class _NamedValues(dict[str, Any]):
+    """Values by name; a name that is not there is told with those that are."""
+
+    def __init__(self, what: str, values: Mapping[str, Any]) -> None:
+        super().__init__(values)
+        self.what = what
+
+    def __missing__(self, name: object) -> Any:
+        allowed = f"one of {', '.join(self)}" if self else "left out, as there is none"
+        raise UnknownNameError(self.what, name, allowed, nearest(name, self))
+
+
+def named_values(what: str, values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return values by name that cannot be changed; `what` is what messages call a name that is not there.
+
+    Examples
+    --------
+    >>> named_values("parameter", {"Omega": 1.0})["Omga"]
+    Traceback (most recent call last):
+        ...
+    saltus.errors.UnknownNameError: parameter = 'Omga': must be one of Omega; did you mean 'Omega'?
+    """
+    return MappingProxyType(_NamedValues(what, values))
 
 
 def listed(name: str, value: object, allowed: str, *, most: int = MOST_ITEMS) -> tuple[Any, ...]:

@@ -18,7 +18,9 @@ from saltus.system.maps import flowing
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
+
+    from saltus.system.states import StateLike
 
 
 __all__ = ["find_equilibrium", "solve_equilibrium"]
@@ -29,7 +31,7 @@ _RESIDUAL = 1e-10  # most residual, over the field's terms, of an equilibrium
 def find_equilibrium(
     system: HybridSystem,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike | None = None,
+    x0: StateLike | None = None,
     *,
     mode: str | None = None,
 ) -> Equilibrium:
@@ -43,7 +45,7 @@ def find_equilibrium(
         An autonomous system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
-    x0 : array_like, shape (states,), optional
+    x0 : array_like, shape (states,), or mapping of str to float, optional
         A state near the equilibrium; by default the origin.
     mode : str, optional
         The mode whose field vanishes. By default the mode in which a motion from `x0` starts.

@@ -17,9 +17,10 @@ from saltus.system.filippov import lines_of
 from saltus.system.parts import NOWHERE, at_phases
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from saltus.system.hybrid import HybridSystem
+    from saltus.system.states import StateLike
 
 __all__ = ["EventDrivenMotion", "check_tolerances", "how_long", "jumps_at_phase_zero", "start_state", "tolerances_of"]
 
@@ -390,7 +391,7 @@ def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
     return False
 
 
-def start_state(system: HybridSystem, x0: ArrayLike, mode: str | None = None) -> NDArray[np.float64]:
+def start_state(system: HybridSystem, x0: StateLike, mode: str | None = None) -> NDArray[np.float64]:
     """Return a full state at which a motion may be started, its phase on [0, 2 pi).
 
     A phase that is 2 pi but for rounding becomes one just below 0, before the events at phase 0.

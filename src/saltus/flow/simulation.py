@@ -51,7 +51,8 @@ from saltus.system.maps import flowing
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import ArrayLike
+    from saltus.system.states import StateLike
+
 
 __all__ = ["SimulationOptions", "simulate"]
 
@@ -93,7 +94,7 @@ class SimulationOptions:
 def simulate(
     system: HybridSystem,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike = (),
+    x0: StateLike = (),
     *,
     mode: str | None = None,
     t_end: float | None = None,
@@ -109,7 +110,7 @@ def simulate(
         The system.
     parameters : mapping of str to float, optional
         Values that differ from the defaults.
-    x0 : array_like, shape (states,) or (all states,)
+    x0 : array_like, shape (states,) or (all states,), or mapping of str to float
         State at time 0. Without a value for the phase, the motion starts at phase 0.
     mode : str, optional
         Mode at time 0. By default the first mode whose domain holds the state and whose events to other modes are all

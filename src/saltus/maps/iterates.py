@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +21,9 @@ from saltus.system.plain import held_map, held_parameters
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
+
+    from saltus.system.states import StateLike
 
 __all__ = ["Iterates", "iterate", "path_from"]
 
@@ -64,7 +65,7 @@ class Iterates(Result):
     def __post_init__(self) -> None:
         object.__setattr__(self, "states", frozen(self.states))
         object.__setattr__(self, "pieces", frozen(self.pieces, np.int64))
-        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "parameters", checks.named_values("parameter", self.parameters))
 
     def __len__(self) -> int:
         return len(self.states)
@@ -187,7 +188,7 @@ class Iterates(Result):
 def iterate(
     system: Map,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike = (),
+    x0: StateLike = (),
     *,
     n: int = 100,
     discard: int = 0,
@@ -200,7 +201,7 @@ def iterate(
         The map.
     parameters : mapping of str to float, optional
         Parameters that differ from the defaults.
-    x0 : array_like, shape (states,)
+    x0 : array_like, shape (states,), or mapping of str to float
         The state.
     n : int, optional
         How many iterations are kept.

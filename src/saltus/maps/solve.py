@@ -17,9 +17,10 @@ from saltus.maps.problem import MapOrbitProblem
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from saltus.system.maps import Map
+    from saltus.system.states import StateLike
 
 __all__ = ["find_map_orbit", "sizes_of", "solve_map_orbit"]
 
@@ -40,7 +41,7 @@ def solve_map_orbit(
     system: Map,
     parameters: Mapping[str, float] | None = None,
     itinerary: Sequence[str] | None = None,
-    x0: ArrayLike | None = None,
+    x0: StateLike | None = None,
     period: float | None = None,
 ) -> MapOrbit:
     """Return the orbit of a map near a guess; `solve_orbit` describes the arguments, `itinerary` as its `segments`."""
@@ -59,10 +60,10 @@ def solve_map_orbit(
     return found if pieces is not None else _settled(system, p, found)
 
 
-def _read_guess(system: Map, x0: ArrayLike) -> NDArray[np.float64]:
+def _read_guess(system: Map, x0: StateLike) -> NDArray[np.float64]:
     """Return one state, or one for each point, shape (1 or period, states)."""
-    rows = np.ndim(np.asarray(x0, dtype=object))
-    if rows < 2:
+    named = isinstance(x0, list | tuple) and any(isinstance(row, Mapping) for row in x0)
+    if not named and np.ndim(np.asarray(x0, dtype=object)) < 2:
         return np.array(system.full_state(x0, "x0"), dtype=np.float64)[None]
     listed = checks.listed("x0", np.asarray(x0, dtype=object).tolist(), "a state, or one for each point")
     return np.array([system.full_state(row, "x0") for row in listed], dtype=np.float64)
@@ -135,7 +136,7 @@ def _settled(system: Map, p: NDArray[np.float64], found: MapOrbit) -> MapOrbit:
 
 
 def find_map_orbit(
-    system: Map, parameters: Mapping[str, float] | None = None, x0: ArrayLike = (), settle: float | None = None
+    system: Map, parameters: Mapping[str, float] | None = None, x0: StateLike = (), settle: float | None = None
 ) -> MapOrbit:
     """Return the stable orbit on which a motion of a map settles; `find_orbit` describes the arguments."""
     p, x = system.parameter_vector(parameters), np.array(system.full_state(x0, "x0"))

@@ -29,9 +29,10 @@ from saltus.system.angles import wrapped
 from saltus.system.maps import Map, flowing
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from saltus.flow.event_logs import EventLog
+    from saltus.system.states import StateLike
 
 __all__ = ["find_orbit"]
 
@@ -49,7 +50,7 @@ _NOTHING = 1e-15  # size of a state, over the largest that the search has seen, 
 def find_orbit(
     system: HybridSystem,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike = (),
+    x0: StateLike = (),
     *,
     mode: str | None = None,
     settle: float | None = None,
@@ -59,14 +60,14 @@ def find_orbit(
 def find_orbit(
     system: Map,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike = (),
+    x0: StateLike = (),
     *,
     settle: float | None = None,
 ) -> MapOrbit: ...
 def find_orbit(
     system: HybridSystem | Map,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike = (),
+    x0: StateLike = (),
     *,
     mode: str | None = None,
     settle: float | None = None,
@@ -85,7 +86,7 @@ def find_orbit(
         The system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
-    x0 : array_like, shape (states,) or (all states,)
+    x0 : array_like, shape (states,) or (all states,), or mapping of str to float
         Where the motion starts, at phase 0 unless the phase is given, too.
     mode : str, optional
         Mode there; by default the first that the state allows.
@@ -140,7 +141,7 @@ def find_orbit(
 
 @singledispatch
 def _found(
-    system: HybridSystem | Map, parameters: Mapping[str, float] | None, x0: ArrayLike, mode: str | None,
+    system: HybridSystem | Map, parameters: Mapping[str, float] | None, x0: StateLike, mode: str | None,
     settle: float | None, tolerance: float,
 ) -> PeriodicOrbit | MapOrbit:  # fmt: skip
     from saltus.flow.starting import passed_event, starting_mode
@@ -166,7 +167,7 @@ def _found(
 
 @_found.register(Map)
 def _found_map_orbit(
-    system: Map, parameters: Mapping[str, float] | None, x0: ArrayLike, mode: object, settle: float | None,
+    system: Map, parameters: Mapping[str, float] | None, x0: StateLike, mode: object, settle: float | None,
     tolerance: float,
 ) -> MapOrbit:  # fmt: skip
     if mode is not None or tolerance != 1e-12:

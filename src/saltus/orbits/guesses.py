@@ -11,6 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import InputError, nearest
 from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
+from saltus.system.states import leaves_out_phase
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -82,7 +83,7 @@ def _read_segments(
             if i == 0:
                 field = system.compiled.field(modes[0], x, p)
                 rate, elapsed = float(field[-1]), float(x[-1])
-            elif np.size(x0) == len(system.states) or np.size(x0) == len(system.modes[mode].states or ()):
+            elif leaves_out_phase(x0, phase, (len(system.states), len(system.modes[mode].states or ()))):
                 x[-1] = elapsed
             else:
                 x[-1] += 2.0 * math.pi * round((elapsed - x[-1]) / (2.0 * math.pi))

@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -98,7 +97,7 @@ class PeriodicOrbit(Solution):
         for name in ("states", "durations", "x0", "lows", "highs"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
         object.__setattr__(self, "multipliers", frozen(self.multipliers, np.complex128))
-        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "parameters", checks.named_values("parameter", self.parameters))
         self.form.check(self.system)
         self._check_shapes()
 
@@ -197,12 +196,12 @@ class PeriodicOrbit(Solution):
     @cached_property
     def min(self) -> Mapping[str, float]:
         """Least value of every state and output over the period."""
-        return MappingProxyType(self._extremes(self.lows))
+        return checks.named_values("state or output", self._extremes(self.lows))
 
     @cached_property
     def max(self) -> Mapping[str, float]:
         """Greatest value of every state and output over the period."""
-        return MappingProxyType(self._extremes(self.highs))
+        return checks.named_values("state or output", self._extremes(self.highs))
 
     def _extremes(self, values: NDArray[np.float64]) -> dict[str, float]:
         names, phase = (*self.system.all_states, *self.system.output_names), (self.system.phase or ("",))[0]

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from saltus.orbits.unfolding import UnfoldedEquations
+    from saltus.system.states import StateLike
 
 __all__ = ["check_fields", "check_tol", "converge", "solve_orbit", "solve_unknowns"]
 
@@ -54,7 +55,7 @@ def solve_orbit(
     parameters: Mapping[str, float] | None = None,
     segments: Sequence[tuple[str, str | None, ArrayLike, float]] | None = None,
     *,
-    x0: ArrayLike | None = None,
+    x0: StateLike | None = None,
     period: float | None = None,
     fix: Mapping[str, float] | None = None,
     free: str | None = None,
@@ -66,7 +67,7 @@ def solve_orbit(
     parameters: Mapping[str, float] | None = None,
     segments: Sequence[str] | None = None,
     *,
-    x0: ArrayLike | None = None,
+    x0: StateLike | None = None,
     period: int | None = None,
 ) -> MapOrbit: ...
 def solve_orbit(
@@ -74,7 +75,7 @@ def solve_orbit(
     parameters: Mapping[str, float] | None = None,
     segments: Sequence[Any] | None = None,
     *,
-    x0: ArrayLike | None = None,
+    x0: StateLike | None = None,
     period: float | None = None,
     fix: Mapping[str, float] | None = None,
     free: str | None = None,
@@ -97,7 +98,7 @@ def solve_orbit(
         transition is the phase's name ends at phase 0 again. A segment that closes without any event has the phase's
         name, or None, as its transition. Of a map in pieces: the orbit's itinerary, the name of the piece at each
         point. By default the pieces at the guess, then those at the orbit found.
-    x0 : array_like, optional
+    x0 : array_like or mapping of str to float, optional
         Initial state of a smooth orbit. With a phase, it may leave the phase out. Of a map: a point of the orbit, or
         all of them, shape (period, states). By default the origin, where an itinerary is given.
     period : float, optional
@@ -164,7 +165,7 @@ def solve_orbit(
 @singledispatch
 def _solved(
     system: HybridSystem | Map, parameters: Mapping[str, float] | None, segments: Sequence[Any] | None,
-    x0: ArrayLike | None, period: float | None, fix: Mapping[str, float] | None, free: str | None, tolerance: float,
+    x0: StateLike | None, period: float | None, fix: Mapping[str, float] | None, free: str | None, tolerance: float,
 ) -> PeriodicOrbit | MapOrbit:  # fmt: skip
     system = flowing(system)
     check_states(system)
@@ -196,7 +197,7 @@ def _converged(
 
 @_solved.register(Map)
 def _solved_map_orbit(
-    system: Map, parameters: Mapping[str, float] | None, segments: Sequence[str] | None, x0: ArrayLike | None,
+    system: Map, parameters: Mapping[str, float] | None, segments: Sequence[str] | None, x0: StateLike | None,
     period: int | None, fix: object, free: object, tolerance: float,
 ) -> MapOrbit:  # fmt: skip
     if fix is not None or free is not None or tolerance != 1e-12:

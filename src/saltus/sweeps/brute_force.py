@@ -23,6 +23,7 @@ Rules
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import closing, suppress
 from typing import TYPE_CHECKING
@@ -42,6 +43,8 @@ from saltus.system import HybridSystem, Map
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from saltus.system.states import StateLike
+
 __all__ = ["run_sweep"]
 
 _TOGETHER = 128  # motions side by side, at most: with more the next look at an interrupt would be far
@@ -56,7 +59,7 @@ def run_sweep(
     values: ArrayLike,
     *,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike | None = None,
+    x0: StateLike | None = None,
     options: SweepOptions | None = None,
     path: str | os.PathLike[str] | None = None,
     progress: bool | Report = False,
@@ -76,7 +79,7 @@ def run_sweep(
         Its values, ascending.
     parameters : mapping of str to float, optional
         Other values that differ from the defaults.
-    x0 : array_like, shape (states,) or (all states,), optional
+    x0 : array_like, shape (states,) or (all states,), or mapping of str to float, optional
         State at which the motion starts; by default all states are 0, at phase 0. An equilibrium or orbit there is
         found only if it is an attractor. A value at which no motion can start there is labelled ``diverged``.
     options : SweepOptions, optional
@@ -101,6 +104,7 @@ def run_sweep(
     Warns
     -----
     RuntimeWarning
+        `values` is a tuple of two, which looks like bounds; a list of two is taken without a word.
         A quantity or an observable of a motion has no finite value, as a logarithm of what is negative; it tells where.
 
     Notes
@@ -117,6 +121,10 @@ def run_sweep(
     >>> sweep.labels.tolist()
     [['period-2', 'period-4', 'chaotic']]
     """
+    if isinstance(values, tuple) and len(values) == 2:
+        spread = f"np.linspace({values[0]!r}, {values[1]!r}, 100)"
+        told = f"values = {values!r} are two values, no bounds: {spread} spreads values between, a list means two"
+        warnings.warn(told, RuntimeWarning, stacklevel=2)
     grid = checks.ascending("values", values, "SweepOptions(follow='down') goes from the last to the first")
     chosen = SweepOptions() if options is None else checks.instance("options", options, SweepOptions)
     task = Task.checked(system, parameter, grid, parameters, x0, chosen)

@@ -6,7 +6,6 @@ import json
 import math
 from dataclasses import dataclass
 from functools import singledispatch
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +27,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import xarray as xr
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
+
+    from saltus.system.states import StateLike
 
 __all__ = ["LyapunovSpectrum", "lyapunov_spectrum"]
 
@@ -92,7 +93,7 @@ class LyapunovSpectrum(Result):
     def __post_init__(self) -> None:
         for name in ("exponents", "errors", "times", "logs", "x_end"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
-        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "parameters", checks.named_values("parameter", self.parameters))
 
     @property
     def running(self) -> NDArray[np.float64]:
@@ -217,7 +218,7 @@ class LyapunovSpectrum(Result):
 def lyapunov_spectrum(
     system: HybridSystem | Map,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike = (),
+    x0: StateLike = (),
     *,
     average: Average,
     mode: str | None = None,
@@ -237,7 +238,7 @@ def lyapunov_spectrum(
         The system.
     parameters : mapping of str to float, optional
         Values that differ from the defaults.
-    x0 : array_like, shape (states,) or (all states,)
+    x0 : array_like, shape (states,) or (all states,), or mapping of str to float
         State at time 0; without the phase it starts at phase 0.
     average : Average
         How long the exponents are measured, and how long motion and frame settle before. Its `periods` are the
@@ -317,7 +318,7 @@ def lyapunov_spectrum(
 def _growth(
     system: HybridSystem | Map,
     parameters: Mapping[str, float] | None,
-    x0: ArrayLike,
+    x0: StateLike,
     mode: str | None,
     options: tuple[Average, int | None, float | tuple[float, float]],
 ) -> tuple[Growth, tuple[float, float]]:
@@ -325,7 +326,7 @@ def _growth(
     average, exponents, tolerance = options
     system = flowing(system)
     p = system.parameter_vector(parameters)
-    x = system.full_state(x0)
+    x = system.full_state(x0, mode=mode)
     start = starting_mode(system, x, p, mode)
     rtol, absolute = tolerances_of(tolerance)
     atol = absolute if absolute is not None else fitting_atol(system, p, x, start, ATOL)
@@ -337,7 +338,7 @@ def _growth(
 def _growth_of_map(
     system: Map,
     parameters: Mapping[str, float] | None,
-    x0: ArrayLike,
+    x0: StateLike,
     mode: object,
     options: tuple[Average, int | None, object],
 ) -> tuple[Growth, tuple[float, float]]:

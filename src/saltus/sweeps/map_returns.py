@@ -20,11 +20,12 @@ from saltus.system.angles import on_circles, wrapped
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from saltus.flow.motion_kind import Criteria, Kind
     from saltus.sweeps.options import SweepOptions
     from saltus.system import Map
+    from saltus.system.states import StateLike
 
 __all__ = ["MapReturns"]
 
@@ -44,7 +45,7 @@ class MapReturns:
     faults: ClassVar[tuple[type[Exception], ...]] = (DivergenceError,)
 
     @classmethod
-    def checked(cls, system: Map, x0: ArrayLike | None, options: SweepOptions) -> MapReturns:
+    def checked(cls, system: Map, x0: StateLike | None, options: SweepOptions) -> MapReturns:
         """Return the iterations of a map after checks of the options that depend on it."""
         for name in ("mode", "section"):
             if (value := getattr(options, name)) is not None:

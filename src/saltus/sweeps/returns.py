@@ -26,10 +26,11 @@ from saltus.system.angles import on_circles, wrapped
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from saltus.flow.motion_kind import Criteria, Kind
     from saltus.sweeps.options import SweepOptions
+    from saltus.system.states import StateLike
 
 __all__ = ["FlowReturns", "Returns", "Settled"]
 
@@ -126,7 +127,7 @@ class FlowReturns:
     faults: ClassVar[tuple[type[Exception], ...]] = (ChatteringError, DivergenceError, StiffnessError, InputError)
 
     @classmethod
-    def checked(cls, system: HybridSystem, x0: ArrayLike | None, options: SweepOptions) -> FlowReturns:
+    def checked(cls, system: HybridSystem, x0: StateLike | None, options: SweepOptions) -> FlowReturns:
         """Return the returns of a system's motions after checks of the options that depend on it."""
         if options.mode is not None:
             checks.chosen("SweepOptions.mode", options.mode, system.mode_names)
@@ -137,7 +138,7 @@ class FlowReturns:
             steady=steady,
             section=places,
             surface=options.section,
-            x0=system.full_state(np.zeros(len(system.states)) if x0 is None else x0),
+            x0=system.full_state(np.zeros(len(system.states)) if x0 is None else x0, mode=options.mode),
             mode=options.mode,
             discard=options.discard,
             keep=options.keep,

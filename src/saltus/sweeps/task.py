@@ -26,7 +26,9 @@ from saltus.system.evaluate import check_expression, evaluate
 from saltus.system.maps import checked_system, flowing
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
+
+    from saltus.system.states import StateLike
 
 __all__ = ["Begun", "Row", "Task"]
 
@@ -93,7 +95,7 @@ class Task:
         parameter: str,
         values: NDArray[np.float64],
         parameters: Mapping[str, float] | None,
-        x0: ArrayLike | None,
+        x0: StateLike | None,
         options: SweepOptions,
     ) -> Task:
         """Return the task after checks of all input."""
@@ -283,12 +285,12 @@ class Task:
 
 
 @singledispatch
-def _returns(system: HybridSystem | Map, x0: ArrayLike | None, options: SweepOptions) -> Returns:
+def _returns(system: HybridSystem | Map, x0: StateLike | None, options: SweepOptions) -> Returns:
     return FlowReturns.checked(flowing(system), x0, options)
 
 
 @_returns.register(Map)
-def _iterations(system: Map, x0: ArrayLike | None, options: SweepOptions) -> Returns:
+def _iterations(system: Map, x0: StateLike | None, options: SweepOptions) -> Returns:
     return MapReturns.checked(system, x0, options)
 
 

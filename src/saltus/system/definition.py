@@ -29,10 +29,13 @@ from saltus.system.parts import (
     sequence_of,
     texts_of,
 )
+from saltus.system.states import named_state, shapes_that_fit
 from saltus.system.structure import check_structure
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
+
+    from saltus.system.states import StateLike
 
 
 __all__ = ["Definition"]
@@ -300,13 +303,13 @@ class Definition:
         """
         return np.array(list(self.resolve(parameters).values()), dtype=np.float64)
 
-    def full_state(self, x0: ArrayLike, name: str = "x0", mode: str | None = None) -> NDArray[np.float64]:
+    def full_state(self, x0: StateLike, name: str = "x0", mode: str | None = None) -> NDArray[np.float64]:
         """Return a state with the phase as its last component.
 
         Parameters
         ----------
-        x0 : array_like, shape (states,) or (all states,)
-            Without the phase it is at phase 0.
+        x0 : array_like, shape (states,) or (all states,), or mapping of str to float
+            Without the phase it is at phase 0. A mapping names the states, and may name the phase.
         name : str, optional
             Name of the state in messages.
         mode : str, optional
@@ -322,14 +325,15 @@ class Definition:
         InputError
             Another length, or a value that is not finite.
         """
-        x = checks.array(name, x0, f"numbers, one for each of {', '.join(self.states)}", finite=False)
-        n = len(self.states)
+        n, phase = len(self.states), None if self.phase is None else self.phase[0]
         own = self.modes[mode].states if isinstance(mode, str) and mode in self.modes else None
-        if own is not None and len(x) in (len(own), len(own) + 1):
+        if isinstance(x0, Mapping):
+            return named_state(x0, name, self.states, phase, own)
+        x = checks.array(name, x0, f"numbers, one for each of {', '.join(self.states)}", finite=False)
+        if own is not None and x.ndim == 1 and len(x) in (len(own), len(own) + 1):
             x = self._completed_state(x, own)
         if x.shape != (n,) and x.shape != (len(self.all_states),):
-            wanted = f"of shape ({n},), one number for each of {', '.join(self.states)}"
-            raise InputError(name, x.tolist(), wanted)
+            raise InputError(name, x.tolist(), shapes_that_fit(self.states, phase, own, mode))
         if not np.all(np.isfinite(x)):
             raise InputError(name, x.tolist(), "finite")
         return np.append(x, 0.0) if x.shape == (n,) and self.phase is not None else x

@@ -18,9 +18,10 @@ from saltus.orbits import PeriodicOrbit, find_orbit
 from saltus.sweeps import SweepOptions, run_sweep
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from saltus.system import HybridSystem
+    from saltus.system.states import StateLike
 
 __all__ = [
     "Known",
@@ -71,7 +72,7 @@ class Known(NamedTuple):
 
 
 def settled(
-    system: HybridSystem, parameters: Mapping[str, float], x0: ArrayLike, mode: str | None = None
+    system: HybridSystem, parameters: Mapping[str, float], x0: StateLike, mode: str | None = None
 ) -> PeriodicOrbit | str:
     """Return the periodic orbit on which a motion settles, or what it does instead, in words.
 
@@ -123,7 +124,7 @@ def settled(
 def settled_orbit(
     system: HybridSystem,
     parameters: Mapping[str, float],
-    x0: ArrayLike,
+    x0: StateLike,
     mode: str | None = None,
     known: Sequence[Known] = (),
 ) -> PeriodicOrbit:

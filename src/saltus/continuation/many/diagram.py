@@ -24,9 +24,10 @@ from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from saltus.continuation.results.special_points import SpecialPoint
+    from saltus.system.states import StateLike
 
 __all__ = ["DiagramOptions", "diagram"]
 
@@ -80,7 +81,7 @@ def diagram(
     bounds: tuple[float, float],
     *,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike | None = None,
+    x0: StateLike | None = None,
     options: DiagramOptions | None = None,
     progress: bool | Report = False,
 ) -> Diagram:
@@ -100,7 +101,7 @@ def diagram(
         Its interval. The starts have the parameter's given value, or the middle of the interval if that lies outside.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
-    x0 : array_like, shape (states,) or (starts, states), optional
+    x0 : array_like, shape (states,) or (starts, states), or mapping of str to float, optional
         States near equilibria or fixed points, one or several; by default the origin.
     options : DiagramOptions, optional
         Depth, most branches, steps.
@@ -136,9 +137,7 @@ def diagram(
     values = system.resolve(parameters)
     if not low <= values[checks.chosen("parameter", parameter, system.parameter_names)] <= high:
         values[parameter] = 0.5 * (low + high)
-    starts = np.atleast_2d(
-        np.zeros(len(system.states)) if x0 is None else checks.array("x0", x0, "states", finite=True)
-    )
+    starts = np.array([system.full_state(start)[: len(system.states)] for start in _starts(x0, len(system.states))])
     reporter = Reporter(progress)
     run = _Run(system, parameter, (low, high), chosen, reporter)
     solved = [near(system, values, state) for state in starts]
@@ -153,6 +152,15 @@ def diagram(
         "x0": starts.tolist(),
     }
     return Diagram(system, parameter, tuple(run.branches), tuple(run.origins), tuple(run.failures), stopped, told)
+
+
+def _starts(x0: Any, states: int) -> list[Any]:
+    """Return the states at which a diagram starts: one, or a list of them, each as numbers or a mapping."""
+    if x0 is None:
+        return [np.zeros(states)]
+    several = not isinstance(x0, Mapping) and np.ndim(np.asarray(x0, dtype=object)) > 1
+    named = isinstance(x0, list | tuple) and any(isinstance(start, Mapping) for start in x0)
+    return list(x0) if several or named else [x0]
 
 
 @singledispatch

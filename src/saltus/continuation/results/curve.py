@@ -12,6 +12,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.errors import InputError
 from saltus.result import Result, frozen
 from saltus.solution import Solution
 
@@ -158,7 +159,8 @@ class SolutionCurve(Result, Generic[Solved]):
         def __getattr__(self, name: str) -> Any:
             """Say where an accessor is now that stood here up to version 0.1."""
             now = ": it is now solution" if name in ("orbit", "equilibrium") else ""
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{now}")
+            words = f"{type(self).__name__!r} object has no attribute {name!r}{now}"
+            raise AttributeError(words, name=name, obj=self)  # with both, Python tells the nearest name
 
     def __len__(self) -> int:
         return len(self.values)
@@ -166,6 +168,9 @@ class SolutionCurve(Result, Generic[Solved]):
     def __getitem__(self, label: str) -> SpecialPoint[Solved]:
         """Return the special point of that label."""
         known = {point.label: point for point in self.special_points}
+        if not known:
+            ends = f"from {', '.join(self.varied)} = {self.values[0]} to {self.values[-1]}"
+            raise InputError("label", label, f"left out: the {len(self)} points {ends} have no special point")
         return known[checks.chosen("label", label, known)]
 
     def __iter__(self) -> Iterator[Solved]:
