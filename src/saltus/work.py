@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
@@ -26,6 +27,7 @@ __all__ = [
     "Threads",
     "Workers",
     "handed_out",
+    "interrupt_noted",
     "interrupt_waits",
     "leave_with_parent",
     "processors",
@@ -80,6 +82,32 @@ def interrupt_waits() -> Iterator[None]:
         signal.signal(signal.SIGINT, handler)
         if waiting:
             handler(*waiting[0])
+
+
+@contextmanager
+def interrupt_noted(act: Callable[[], object] = lambda: None) -> Iterator[list[float]]:
+    """Note an interrupt (Ctrl-C) in the block, which then ends soon by itself; a second one is raised as always.
+
+    `act` is called at the interrupt, between two instructions of the block. The list that is given has an entry from
+    then on. Outside the main thread nothing is noted.
+    """
+    noted: list[float] = []
+    handler = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(handler):
+        yield noted
+        return
+
+    def note(*told: Any) -> None:
+        if noted:
+            handler(*told)
+        noted.append(time.monotonic())
+        act()
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 @contextmanager

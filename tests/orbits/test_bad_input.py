@@ -92,7 +92,8 @@ def test_durations(oscillator, duration):
 
 @pytest.mark.parametrize("x0", [[1.0], [1.0, 2.0, 3.0, 4.0], [], 1.0])
 def test_states_of_another_length(oscillator, x0):
-    with refuse(f"segments[0] x0 = {x0!r}: must be of shape (2,), one number for each of x, v, or (3,) with the phase theta"):
+    fits = "of shape (2,), one number for each of x, v, or (3,) with the phase theta"
+    with refuse(f"segments[0] x0 = {x0!r}: must be {fits}"):
         solve_orbit(oscillator, {}, changed(x0=x0))
 
 

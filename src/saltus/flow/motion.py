@@ -99,7 +99,7 @@ class EventDrivenMotion:
         rows = [[index[t.source], index[t.target], t.direction] for t in system.transitions]
         self.transitions = np.array(rows, dtype=np.int64).reshape(len(rows), 3)
         self.offset = max(float(x[-1]), 0.0) if self.rate > 0.0 else 0.0
-        self._room, self._chosen, self._chosen_at = math.inf if room is None else room, 0, 0.0
+        self.room, self._chosen, self._chosen_at = math.inf if room is None else room, 0, 0.0
         self.most_steps, self.budget, self._watched, self._looks = most_steps, _CHOSEN, 0, 0
         # the time of an explicit step before implicit ones, and the steps behind which these are thought of again
         self._implicit, self._explicit, self._again = False, 0.0, 0.0
@@ -288,14 +288,14 @@ class EventDrivenMotion:
 
     def _follow(self, t_end: float, wraps: int, n_events: int, keep: bool, last_try: float = math.inf) -> None:
         status = self.kernels.AGAIN
-        while status == self.kernels.AGAIN and self.tries < last_try and self._room > 0:
-            budget = int(min(self.budget, last_try - self.tries, self._room))
+        while status == self.kernels.AGAIN and self.tries < last_try and self.room > 0:
+            budget = int(min(self.budget, last_try - self.tries, self.room))
             goal = self.kernels.Goal(t_end, wraps, n_events, budget)
             laws, tolerances, *buffers = self.records
             status = self._run(laws, tolerances, goal, *buffers)
             if keep:
                 m, k = (int(self.counts[place]) for place in (self.kernels.N_STEPS, self.kernels.N_EVENTS))
-                self._room -= m
+                self.room -= m
                 self.implicit_steps += m if self._implicit else 0
                 self.kept_steps.append(tuple(buffer[:m].copy() for buffer in self.step_buffers))
                 self.kept_events.append(tuple(buffer[:k].copy() for buffer in self.event_buffers))

@@ -47,6 +47,7 @@ from saltus.flow.trajectory import Trajectory
 from saltus.result import frozen
 from saltus.system.hybrid import HybridSystem
 from saltus.system.maps import flowing
+from saltus.work import interrupt_noted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -129,7 +130,8 @@ def simulate(
     Returns
     -------
     Trajectory
-        The motion with its events; `Trajectory.stopped` says why it ended.
+        The motion with its events; `Trajectory.stopped` says why it ended. An interrupt (Ctrl-C) keeps what was
+        followed.
 
     Raises
     ------
@@ -177,22 +179,39 @@ def simulate(
     start = starting_mode(system, x, p, mode)
     warn_behind_wall(system, p, x, start)
 
+    runs: list[EventDrivenMotion] = []
+
     def begun(atol: float) -> EventDrivenMotion:
-        return EventDrivenMotion(
+        run = EventDrivenMotion(
             system, p, x.copy(), start, rtol, atol, steps_kept=min(_STEPS_KEPT, most_steps), room=most_steps
         )
+        runs.append(run)
+        return run
 
-    if atol is None:
-        run = followed_in_size(begun, lambda run: run.follow(end, periods, options.max_events))
-    else:
-        run = begun(atol)
-        run.follow(end, periods, options.max_events)
+    def follow(run: EventDrivenMotion) -> None:
+        # after an interrupt a finer motion goes as far as the coarser one before it
+        reached = runs[-2].time if interrupted and len(runs) > 1 else end
+        run.follow(min(end, reached), periods, options.max_events)
+
+    def end_soon() -> None:
+        for run in runs[-1:]:
+            run.room = 0  # the steps under way are its last
+
+    with interrupt_noted(end_soon) as interrupted:
+        if atol is None:
+            run = followed_in_size(begun, follow)
+        else:
+            run = begun(atol)
+            follow(run)
+    if not run.kept_steps:
+        raise KeyboardInterrupt
     full = run.time
     short = ""
     if full < end and (periods is None or not run.went_round(periods)):
         short = f"{options.max_events} events" if run.events_passed >= options.max_events else f"{most_steps} steps"
     stopped = f"t_end = {end:.12g} reached" if periods is None else f"{periods} periods reached"
-    stopped = f"{short} reached at t = {full:.12g}" if short else stopped
+    if short:
+        stopped = f"interrupted at t = {full:.12g}" if interrupted else f"{short} reached at t = {full:.12g}"
     times, modes, starts, dense = run.steps()
     motion = Trajectory(
         system=system,

@@ -15,15 +15,18 @@ from saltus.flow.sticking import check_continuous
 from saltus.result import frozen
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["BATCHES", "CONFIDENCE", "ROWS", "Average", "Growth", "growth_along"]
+__all__ = ["BATCHES", "CONFIDENCE", "ROWS", "Average", "Growth", "grown", "growth_along"]
 
 BATCHES = 20  # batches into which a stretch is cut for the errors of its exponents
 CONFIDENCE = 0.95  # probability that an exponent lies within its error, were the batches independent and normal
 ROWS = 25 * BATCHES  # stretches of which the growth is kept, at most
+_FEWEST_ROWS = 3  # ends of rows, from which on the growth in two rows tells an error
 _STEPS_KEPT = 256  # steps of dense output between two clearances of the buffer
 _DECAY = 1e7  # decay over a motion, in factors e, up to which explicit steps resolve it
 _STEPS_A_PERIOD = 50_000  # steps of a period, beyond which a motion is stiff
@@ -128,6 +131,7 @@ def growth_along(
     average: Average,
     exponents: int | None = None,
     tolerance: tuple[float, float] = (1e-10, 1e-12),
+    interrupted: Sequence[float] = (),
 ) -> Growth:
     """Return the growth of perturbations along a motion, from which its Lyapunov exponents follow.
 
@@ -146,6 +150,8 @@ def growth_along(
     tolerance : (float, float), optional
         Relative and absolute tolerance of a step of the motion; that of the frame is 1000 times the relative one, at
         most 1e-4.
+    interrupted : sequence of float, optional
+        Has an entry as soon as the motion shall end: what `saltus.work.interrupt_noted` gives.
 
     Returns
     -------
@@ -192,15 +198,28 @@ def growth_along(
     frame = np.zeros((len(system.all_states), columns))
     # any frame that no direction of the system is likely to be orthogonal to
     frame[:n] = np.linalg.qr(np.random.default_rng(0).standard_normal((n, columns)))[0]
-    ends, logs, grazed = _run_rows(run, row_times, row_wraps, frame)
+    ends, logs, grazed = _run_rows(run, row_times, row_wraps, frame, interrupted)
+    return Growth(*grown(ends, logs), frozen(run.x), run.mode, grazed, float(ends[0]))
+
+
+def grown(ends: NDArray[np.float64], logs: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return times and logarithms of the rows that are measured, the direction that grows most first.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        So few rows were finished before an interrupt that they tell no error.
+    """
+    if len(ends) < _FEWEST_ROWS:
+        raise KeyboardInterrupt
     order = np.argsort(-logs[1:].sum(axis=0), kind="stable")
-    times = frozen(ends[1:] - ends[0])
-    return Growth(times, frozen(logs[1:, order]), frozen(run.x), run.mode, grazed, float(ends[0]))
+    return frozen(ends[1:] - ends[0]), frozen(logs[1:, order])
 
 
 def _run_rows(
-    run: EventDrivenMotion, row_times: NDArray[np.float64], row_wraps: NDArray[np.int64], frame: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    run: EventDrivenMotion, row_times: NDArray[np.float64], row_wraps: NDArray[np.int64], frame: NDArray[np.float64],
+    interrupted: Sequence[float],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:  # fmt: skip
     """Ends of the rows, logarithms of growth in each, and the count of events grazed."""
     from saltus.flow.kernels import variational as kernels
 
@@ -210,7 +229,7 @@ def _run_rows(
     rows = kernels.Rows(row_times, row_wraps, logs, ends)
     again, done = run.kernels.AGAIN, run.kernels.DONE
     status, longest, stiff = again, 0.0, 0
-    while status == again:
+    while status == again and not interrupted:
         tries, time = run.tries, run.time
         laws, tolerances, *buffers = run.records
         laws = laws._replace(addresses=run.system.compiled.addresses)  # derivatives too
@@ -224,6 +243,7 @@ def _run_rows(
                 raise run.too_stiff()
         count = int(run.counts[run.kernels.N_STEPS])
         check_continuous(run.system, run.step_buffers[1][:count], run.step_buffers[2][:count], run.p)
-    if status != done:
+    if status not in (done, again):
         raise run.error(status)
-    return ends, logs, int(places[kernels.GRAZED])
+    finished = int(places[kernels.ROW])
+    return ends[:finished], logs[:finished], int(places[kernels.GRAZED])

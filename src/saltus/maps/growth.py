@@ -8,11 +8,13 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError
-from saltus.flow.variational import ROWS, Average, Growth
+from saltus.flow.variational import ROWS, Average, Growth, grown
 from saltus.maps.code import LIMIT, STRETCH, code_of, error_of
 from saltus.result import frozen
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
     from saltus.system.maps import Map
@@ -21,8 +23,9 @@ __all__ = ["growth_of_map"]
 
 
 def growth_of_map(
-    system: Map, p: NDArray[np.float64], x: ArrayLike, *, average: Average, exponents: int | None = None
-) -> Growth:
+    system: Map, p: NDArray[np.float64], x: ArrayLike, *, average: Average, exponents: int | None = None,
+    interrupted: Sequence[float] = (),
+) -> Growth:  # fmt: skip
     """Return the growth of perturbations along a motion of a map, from which its Lyapunov exponents follow.
 
     At each state the derivative of its own piece carries an orthonormal frame on. A border needs no further matrix: the
@@ -38,6 +41,8 @@ def growth_of_map(
         How many iterations are measured, as its `periods`.
     exponents : int, optional
         How many, the largest; by default as many as there are states.
+    interrupted : sequence of float, optional
+        As of `saltus.flow.variational.growth_along`.
 
     Returns
     -------
@@ -69,10 +74,10 @@ def growth_of_map(
     logs, at = np.zeros((ends.size, columns)), np.array(system.full_state(x))
     work, places, code = np.empty((2, n * (1 + columns))), np.zeros(2, np.int64), code_of(system, p)
     frame = np.ascontiguousarray(frame)
-    while (status := kernels.growth(at, frame, work, code, LIMIT, ends, logs, places, STRETCH)) == kernels.AGAIN:
-        pass
-    if status != kernels.DONE:
+    status = kernels.AGAIN
+    while status == kernels.AGAIN and not interrupted:
+        status = kernels.growth(at, frame, work, code, LIMIT, ends, logs, places, STRETCH)
+    if status not in (kernels.DONE, kernels.AGAIN):
         raise error_of(status, int(places[1]), at, system, p)
-    order = np.argsort(-logs[1:].sum(axis=0), kind="stable")
-    times = frozen(ends[1:] - ends[0])
-    return Growth(times, frozen(logs[1:, order]), frozen(at), system.piece_index(at, p), 0, float(ends[0]))
+    measured = grown(ends[: places[0]].astype(np.float64), logs[: places[0]])
+    return Growth(*measured, frozen(at), system.piece_index(at, p), 0, float(ends[0]))

@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import dataclass
 from functools import singledispatch
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,9 +22,10 @@ from saltus.result import Result, frozen
 from saltus.system import HybridSystem, Map
 from saltus.system.maps import flowing
 from saltus.system.plain import held_any, held_parameters
+from saltus.work import interrupt_noted
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     import xarray as xr
     from numpy.typing import NDArray
@@ -68,6 +69,8 @@ class LyapunovSpectrum(Result):
         Events that were grazed: no saltation matrix exists there, and none was applied.
     tolerance : (float, float)
         Relative and absolute tolerance of a step of the motion; 0 for a map.
+    stopped : str
+        Whether all stretches were done, or an interrupt (Ctrl-C) came before.
 
     Examples
     --------
@@ -89,6 +92,7 @@ class LyapunovSpectrum(Result):
     mode_end: str
     grazed: int
     tolerance: tuple[float, float]
+    stopped: str = "all stretches done"
 
     def __post_init__(self) -> None:
         for name in ("exponents", "errors", "times", "logs", "x_end"):
@@ -166,6 +170,8 @@ class LyapunovSpectrum(Result):
         if self.grazed:
             events = "event" if self.grazed == 1 else "events"
             lines.append(f"  {self.grazed} {events} grazed, passed without a saltation matrix")
+        if "interrupted" in self.stopped:
+            lines.append(f"  {self.stopped}")
         return "\n".join(lines)
 
     def to_xarray(self) -> xr.Dataset:
@@ -190,6 +196,7 @@ class LyapunovSpectrum(Result):
                 "grazed": self.grazed,
                 "rtol": self.tolerance[0],
                 "atol": self.tolerance[1],
+                "stopped": self.stopped,
             },
         )
 
@@ -212,6 +219,7 @@ class LyapunovSpectrum(Result):
             system.mode_names[system.mode_index(held.text("mode_end"))],
             held.count("grazed"),
             (held.number("rtol", least=0.0), held.number("atol", least=0.0)),
+            held.text("stopped") if "stopped" in held.dataset.attrs else "all stretches done",
         )
 
 
@@ -255,7 +263,7 @@ def lyapunov_spectrum(
     Returns
     -------
     LyapunovSpectrum
-        The exponents with their errors.
+        The exponents with their errors. An interrupt (Ctrl-C) keeps the stretches that are done.
 
     Raises
     ------
@@ -298,7 +306,9 @@ def lyapunov_spectrum(
     0.92
     """
     checks.instance("average", average, Average)
-    growth, (rtol, atol) = _growth(system, parameters, x0, mode, (average, exponents, tolerance))
+    with interrupt_noted() as interrupted:
+        growth, (rtol, atol) = _growth(system, parameters, x0, mode, (average, exponents, tolerance), interrupted)
+    done = f"interrupted: {growth.times.size} stretches done" if interrupted else "all stretches done"
     return LyapunovSpectrum(
         system=system,
         parameters=system.resolve(parameters),
@@ -311,6 +321,7 @@ def lyapunov_spectrum(
         mode_end=system.mode_names[growth.mode_end],
         grazed=growth.grazed,
         tolerance=(rtol, atol),
+        stopped=done,
     )
 
 
@@ -321,6 +332,7 @@ def _growth(
     x0: StateLike,
     mode: str | None,
     options: tuple[Average, int | None, float | tuple[float, float]],
+    interrupted: Sequence[float],
 ) -> tuple[Growth, tuple[float, float]]:
     """Return the growth along a motion, and the tolerances of its steps."""
     average, exponents, tolerance = options
@@ -331,7 +343,8 @@ def _growth(
     rtol, absolute = tolerances_of(tolerance)
     atol = absolute if absolute is not None else fitting_atol(system, p, x, start, ATOL)
     tolerances = (rtol, atol)
-    return growth_along(system, p, x, start, average=average, exponents=exponents, tolerance=tolerances), tolerances
+    measured: dict[str, Any] = {"average": average, "exponents": exponents, "interrupted": interrupted}
+    return growth_along(system, p, x, start, **measured, tolerance=tolerances), tolerances
 
 
 @_growth.register(Map)
@@ -341,9 +354,11 @@ def _growth_of_map(
     x0: StateLike,
     mode: object,
     options: tuple[Average, int | None, object],
+    interrupted: Sequence[float],
 ) -> tuple[Growth, tuple[float, float]]:
     if mode is not None:
         raise InputError("mode", mode, "left out for a map", "the state decides which piece holds")
     average, exponents, _ = options
     p = system.parameter_vector(parameters)
-    return growth_of_map(system, p, system.full_state(x0), average=average, exponents=exponents), (0.0, 0.0)
+    measured: dict[str, Any] = {"average": average, "exponents": exponents, "interrupted": interrupted}
+    return growth_of_map(system, p, system.full_state(x0), **measured), (0.0, 0.0)

@@ -431,7 +431,7 @@ class Curve(Result):
         for way, name in zip(self.ways, self.directions, strict=True):
             lines += [f"  {name:10}  {one.begin:.9g} to {one.end:.9g}: {one.words}" for one in way.windows]
             lines.append(f"  {name:10}  {way.stopped}")
-        lines += [f"  in part     {failure}" for _, failure in self.failures]
+        lines += [f"  in part     {failure}" for failure in dict.fromkeys(text for _, text in self.failures)]
         return "\n".join(lines)
 
     def _attributes(self, name: str) -> dict[str, str]:

@@ -85,6 +85,7 @@ def distance_curve(
     Returns
     -------
     Curve
+        An interrupt (Ctrl-C) keeps the sheets so far; `Curve.failures` says so all along the range.
 
     Raises
     ------
@@ -150,6 +151,7 @@ def frequency_curve(
     Returns
     -------
     Curve
+        An interrupt (Ctrl-C) keeps the sheets so far; `Curve.failures` says so all along the range.
 
     Raises
     ------

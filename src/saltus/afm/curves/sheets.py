@@ -63,6 +63,7 @@ _DEEPEST = 2.0  # depth of indentation down to which a rest in contact is looked
 _LONGEST = 4  # turns of the phase in the period of a motion whose sheet is followed, at most
 UNSTABLE_FROM = ("SN", "PD", "TR", "BP")  # special points at which a branch's motions may lose their stability
 STEPS = StepControl(pieces=32)  # steps where none are given; motions of more pieces are saddles, far from any motion
+_INTERRUPTED = "interrupted: sheets may be missing"
 CLEAR_NM = 20.0  # least gap of the far start, in nm
 _SHARES = (0.15, 0.3, 0.45)  # distances at which motions start, over the free amplitude
 _HALF_WIDTHS = (-2.0, 0.0, 2.0)  # frequencies at which motions start, from the resonance, in its half widths
@@ -79,8 +80,28 @@ class Tracing(NamedTuple):
 
 
 def traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, places: int) -> Curve:
-    """Return the curve of the sheets through some motions, of those that jumps lead to, and of settled motions."""
+    """Return the curve of the sheets through some motions, of those that jumps lead to, and of settled motions.
+
+    An interrupt keeps the sheets that were found. The curve tells it all along the range, as sheets may be missing.
+    """
+    found: list[Curve] = []
+    try:
+        found.extend(_ever_fuller(how, starts, of, places))
+    except KeyboardInterrupt as interrupt:
+        if isinstance(interrupt, _InterruptedBranch) and not found:
+            found.append(Curve(starts[0].system, how.along, how.bounds, (interrupt.branch,), of))
+        if not found:
+            raise
+        (low, high), curve = how.bounds, found[-1]
+        told = tuple((low + k / _EIGHTHS * (high - low), _INTERRUPTED) for k in range(_EIGHTHS + 1))
+        return replace(curve, failures=(*curve.failures, *told))
+    return found[-1]
+
+
+def _ever_fuller(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, places: int) -> Iterator[Curve]:
+    """Yield a curve again and again, each time with the sheets that were found in between."""
     curve = reached(how, starts, of)
+    yield curve
     system, p, (low, high) = curve.system, curve.branches[0].parameters, how.bounds
     alike = _free_state(system, p) if how.along == "Zc_nm" else None
 
@@ -90,14 +111,13 @@ def traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, place
         return _with_asked(curve, how, place, _starts(system, there, free))
 
     for place in _asked_places(curve, how):
-        curve = asked(curve, place)
-    curve = _with_resonance(curve, how)
+        yield (curve := asked(curve, place))
+    yield (curve := _with_resonance(curve, how))
     for place in _uncovered(curve, [low + k / _EIGHTHS * (high - low) for k in range(1, _EIGHTHS)]):
-        curve = asked(curve, place)
+        yield (curve := asked(curve, place))
     for k in range(places):
         place = low + (k + 0.5) / places * (high - low)
-        curve = _with_asked(curve, how, place, _everywhere(curve, {**p, how.along: place}))
-    return curve
+        yield (curve := _with_asked(curve, how, place, _everywhere(curve, {**p, how.along: place})))
 
 
 def _asked_places(curve: Curve, how: Tracing) -> list[float]:
@@ -366,5 +386,13 @@ def free_amplitude(system: HybridSystem, parameters: Mapping[str, float]) -> flo
 def whole(branch: Branch) -> Branch:
     """Return a branch; pass on the interrupt that ended it, as no way is known on a part of a curve."""
     if is_interrupted(branch):
-        raise KeyboardInterrupt
+        raise _InterruptedBranch(branch)
     return branch
+
+
+class _InterruptedBranch(KeyboardInterrupt):
+    """An interrupt that ended a branch, with the part that was followed."""
+
+    def __init__(self, branch: Branch) -> None:
+        super().__init__()
+        self.branch = branch
