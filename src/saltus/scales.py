@@ -17,7 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["EPS", "Scales", "Verdict", "near", "same", "zero"]
+__all__ = ["CARRIED", "EPS", "Scales", "Verdict", "near", "same", "zero"]
 
 # Spacing of doubles at 1: the relative rounding of one operation.
 EPS = float(np.finfo(float).eps)
@@ -25,6 +25,10 @@ EPS = float(np.finfo(float).eps)
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.
 _CLEAR = 10.0
+
+# A reset carries what is left of a landing's event function on to the state behind it, enlarged by so much at most:
+# resets of walls leave the function itself as it is.
+CARRIED = 4.0
 
 
 class Verdict(Enum):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.problems.grazing import Neighbour, neighbour, vanishing
+from saltus.continuation.problems.grazing import Neighbour, neighbour, vanishing, vanishing_with
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.stability.floquet import multipliers
@@ -93,25 +93,48 @@ def limits_of_multipliers(
 
 
 def passes_smoothly(problem: OrbitProblem, u: NDArray[np.float64], segment: int) -> bool:
-    """Return whether no reset moves the state around a segment without length, and the fields there are one."""
+    """Return whether no reset moves the state around a segment without length, and the fields there are one.
+
+    Segments that vanish with it are looked at, too.
+    """
     system, signature, n = problem.system, problem.signature, problem.n
-    if any(system.transitions[signature.transitions[i]].reset for i in (segment - 1, segment)):
+    gone = vanishing_with(problem, u[: problem.size].reshape(problem.segments, n + 1), segment)
+    if any(system.transitions[signature.transitions[i]].reset for i in (gone[0] - 1, *gone)):
         return False
-    x, fields = np.ascontiguousarray(u[segment * (n + 1) :][:n]), np.empty((2, n))
-    for mode, field in zip((signature.modes[segment - 1], signature.modes[segment]), fields, strict=True):
-        system.compiled.call("field", mode, 0, x, problem.extended, field)
-    apart, size = (float(np.max(np.abs(f) / problem.state_scale)) for f in (fields[1] - fields[0], fields[0]))
+    x, fields = np.ascontiguousarray(u[segment * (n + 1) :][:n]), np.empty((1 + len(gone), n))
+    for i, field in zip((gone[0] - 1, *gone), fields, strict=True):
+        system.compiled.call("field", signature.modes[i], 0, x, problem.extended, field)
+    apart, size = (float(np.max(np.abs(f) / problem.state_scale)) for f in (fields[1:] - fields[0], fields[0]))
     return apart <= _EQUAL * size
 
 
 def _meets_without_velocity(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
-    """Return whether a segment whose duration vanishes meets its event without velocity."""
+    """Return whether a segment whose duration vanishes begins or ends with an event that is met without velocity.
+
+    The mode behind a surface that is touched may be left tangentially, or transversally by another event.
+    """
     i, n = monitor.segment, problem.n
-    if monitor.kind != "duration" or problem.signature.transitions[i] < 0:
+    if monitor.kind != "duration":
         return False
-    event, x = np.empty(2 + 2 * n), np.ascontiguousarray(u[i * (n + 1) : i * (n + 1) + n])
-    problem.system.compiled.call("event_x", problem.signature.transitions[i], 0, x, problem.extended, event)
-    period = float(np.abs(u[n : problem.size : n + 1]).sum())
+    blocks, period = (
+        u[: problem.size].reshape(problem.segments, n + 1),
+        float(np.abs(u[n : problem.size : n + 1]).sum()),
+    )
+    if _slow(problem, problem.signature.transitions[i], blocks[i, :n], period):
+        return True
+    problem.survey(u)
+    before = vanishing_with(problem, blocks, i)[0] - 1
+    return _slow(
+        problem, problem.signature.transitions[before], problem.state_on(before % problem.segments, 1.0), period
+    )
+
+
+def _slow(problem: OrbitProblem, transition: int, x: NDArray[np.float64], period: float) -> bool:
+    """Return whether an event is met without velocity in a full state."""
+    if transition < 0:
+        return False
+    event, n = np.empty(2 + 2 * problem.n), problem.n
+    problem.system.compiled.call("event_x", transition, 0, np.ascontiguousarray(x), problem.extended, event)
     return abs(float(event[1])) * period < _SLOW * float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
 
 
@@ -138,4 +161,9 @@ def _born(
             place = behind.segment
         elif monitor.kind == "side":
             return None
+        if modes[place - 1] != modes[(place + 1) % len(modes)]:
+            together = vanishing_with(problem, blocks, place)
+            around = modes[together[0] - 1], modes[(together[-1] + 1) % len(modes)]
+            if around[0] == around[1]:
+                return modes[together[0]], *around
     return modes[place], modes[place - 1], modes[(place + 1) % len(modes)]

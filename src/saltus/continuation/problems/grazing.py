@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.problems.excursions import behind, gone, moved, turns_back, way_back
 from saltus.continuation.problems.margins import passing, run_out
 from saltus.continuation.problems.rows import Found, closed, gathered, joined
 from saltus.orbits.cuts import whole
@@ -23,7 +24,7 @@ from saltus.orbits.signature import CLOSED_END, PHASE_END, TOUCH_END, WHOLE, Sig
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Neighbour", "neighbour", "sides_met", "touching", "turned", "vanishing"]
+__all__ = ["Neighbour", "neighbour", "sides_met", "touching", "turned", "vanishing", "vanishing_with"]
 
 _NEAR = 1e-6  # relative difference, in sizes of states, events or the period, up to which two values are equal
 
@@ -139,19 +140,17 @@ def _insert(
         return "the flow cannot be followed to it"
     landed = np.empty(n)
     system.compiled.call("reset", k, 0, touching, problem.extended, landed)
-    scale = problem.state_scale
-    if np.max(np.abs(landed - touching) / scale) > _NEAR:
-        return "the reset moves the state there: no neighbouring signature is continuous"
     mode = old.modes[i]
     target = system.mode_index(system.transitions[k].target)
     cut = [(mode, k, np.append(blocks[i, :n], before))]
     if target != mode:
-        back = _way_back(problem, target, mode, landed)
-        if back is None:
-            return f"no transition leads back from {system.mode_names[target]!r}"
-        if not _turns_back(problem, back, target, landed):
-            return _gone(problem, target)
-        cut.append((target, back, np.append(landed, 0.0)))
+        away = behind(problem, u, mode, k, touching, landed)
+        if isinstance(away, str):
+            return away
+        cut += [(source, transition, np.append(x, 0.0)) for source, transition, x in away]
+        landed = touching
+    elif moved(problem, mode, landed, touching):
+        return "the reset moves the state there: no neighbouring signature is continuous"
     rest = np.append(landed, duration - before)
     if old.kinds[0] in (PHASE_END, CLOSED_END):
         rest[n] = duration
@@ -285,47 +284,42 @@ def touching(problem: OrbitProblem, u: NDArray[np.float64], i: int, k: int) -> N
     return Neighbour(signature, np.concatenate([*rows, u[problem.size :]]))
 
 
-def _gone(problem: OrbitProblem, mode: int) -> str:
-    """Return the reason why no branch goes on where both modes bend the motion away from the surface."""
-    return f"the motion in {problem.system.mode_names[mode]!r} does not turn back, so no orbit near it goes on"
-
-
-def _way_back(problem: OrbitProblem, source: int, target: int, x: NDArray[np.float64]) -> int | None:
-    n = problem.n
-    out = np.empty(2 + 2 * n)
-    names = problem.system.mode_names
-    for k, transition in enumerate(problem.system.transitions):
-        if transition.source == names[source] and transition.target == names[target]:
-            problem.system.compiled.call("event_x", k, 0, np.ascontiguousarray(x), problem.extended, out)
-            if abs(out[0]) < _NEAR * float(np.abs(out[2 : 2 + n]) @ problem.state_scale):
-                return k
-    return None
-
-
-def _turns_back(problem: OrbitProblem, back: int, mode: int, x: NDArray[np.float64]) -> bool:
-    """Return whether a mode's field bends a motion that touches the surface of transition `back` towards it."""
-    n, compiled = problem.n, problem.system.compiled
-    gradient, field = np.empty(2 + 2 * n), np.empty(n)
-    compiled.call("event_x", back, 0, np.ascontiguousarray(x), problem.extended, gradient)
-    compiled.call("field", mode, 0, np.ascontiguousarray(x), problem.extended, field)
-    return float(gradient[2 + n :] @ field) * (problem.system.transitions[back].direction or 1) > 0.0
-
-
 def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> Found | str:
-    """Remove segment `i`, which has no length: its two neighbours are joined, or one leads to the other at once."""
+    """Remove segment `i`, which has no length: its two neighbours are joined, or one leads to the other at once.
+
+    Where it is one of several in a row that vanish together, as on the way over further modes, all of them go.
+    """
     old = problem.signature
     count = len(old)
-    previous, following = (i - 1) % count, (i + 1) % count
+    gone = [i]
+    if old.modes[i - 1] != old.modes[(i + 1) % count]:
+        gone = vanishing_with(problem, blocks, i)
+    previous, following = (gone[0] - 1) % count, (gone[-1] + 1) % count
     if old.modes[previous] != old.modes[following]:
         return _skip(problem, blocks, i)
-    if count == 2:
+    problem.survey(u)
+    if len(gone) > 1 and moved(problem, old.modes[previous], problem.state_on(previous, 1.0), blocks[following, :-1]):
+        return "the transitions through modes that vanish together move the state"
+    if count == len(gone) + 1:
         return closed(problem, blocks, u, previous)
     whole_one = blocks[previous].copy()
     whole_one[problem.n] += blocks[following, problem.n]
     rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
     rows[previous] = (old.modes[previous], old.transitions[following], whole_one)
-    kept = [row for j, row in enumerate(rows) if j not in (i, following)]
+    kept = [row for j, row in enumerate(rows) if j not in (*gone, following)]
     return gathered(kept, old.turns)
+
+
+def vanishing_with(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> list[int]:
+    """Return segment `i` and those next to it in a row that have no length either; at least one stays."""
+    count, n = problem.segments, problem.n
+    none = np.abs(blocks[:, n]) < _NEAR * float(np.abs(blocks[:, n]).sum())
+    before, behind = 0, 0
+    while before + behind + 2 < count and none[i - before - 1]:
+        before += 1
+    while before + behind + 2 < count and none[(i + behind + 1) % count]:
+        behind += 1
+    return [(i + k) % count for k in range(-before, behind + 1)]
 
 
 def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Found | str:
@@ -428,9 +422,9 @@ def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
     met, after = problem.state_on(i, 1.0), np.empty(problem.n)
     problem.system.compiled.call("reset", old.transitions[i], 0, met, problem.extended, after)
     if old.modes[i] != old.modes[following]:
-        back = _way_back(problem, old.modes[following], old.modes[i], after)
-        if back is not None and not _turns_back(problem, back, old.modes[following], after):
-            return _gone(problem, old.modes[following])
+        back = way_back(problem, old.modes[following], old.modes[i], after)
+        if back is not None and not turns_back(problem, back, old.modes[following], after):
+            return gone(problem, old.modes[following])
         return _TURNED
     if old.kinds[i] != TOUCH_END and np.max(np.abs(after - met) / problem.state_scale) > _NEAR:
         return "the event met without velocity moves the state"

@@ -21,7 +21,8 @@ from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.runs.two_sided import turned
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
-from saltus.orbits.signature import ON_BORDER, Signature, Survey
+from saltus.orbits.signature import ON_BORDER, Survey
+from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["leaving", "seen_beyond", "summed_late", "sums_up", "switched", "turns_back", "without_rounding"]
 
 Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
-Equations: TypeAlias = "Callable[[Signature, NDArray[np.float64]], OrbitZeroProblem]"
+Equations: TypeAlias = "Callable[..., OrbitZeroProblem]"
 
 _TOGETHER = 1e-9  # duration, over the period, up to which a segment has none
 # Shares of the parameter's interval at which an orbit beyond a point is sought.
@@ -57,7 +58,7 @@ def leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
     return next((name for name, value in monitors.items() if name.kind == "duration" and abs(value) <= rounding), own)
 
 
-def switched(found: Neighbour, old: Point, equations: Equations) -> Beyond | str:
+def switched(found: Neighbour, problem: OrbitProblem, old: Point, equations: Equations) -> Beyond | str:
     """Return equations and point to go on with in the neighbouring signature, or why no branch does.
 
     A first step that changes the stability, where the multipliers are continuous, is taken shorter. Where none keeps
@@ -67,15 +68,18 @@ def switched(found: Neighbour, old: Point, equations: Equations) -> Beyond | str
     ----------
     found : Neighbour
         The orbit of the point in the neighbouring signature.
+    problem : OrbitProblem
+        Equations of the signature that ends there.
     old : Point
         The point.
     equations : callable
         Returns the equations of a signature near given unknowns.
     """
-    branch = equations(found.signature, found.u)
+    sizes = _sizes_of_the_born(problem, found)
+    branch = equations(found.signature, found.u, sizes)
     if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
         found = Neighbour(*once)
-        branch = equations(found.signature, found.u)
+        branch = equations(found.signature, found.u, sizes)
     try:
         point = start_point(branch, found.u)
     except ValueError as error:
@@ -91,6 +95,20 @@ def switched(found: Neighbour, old: Point, equations: Equations) -> Beyond | str
         item = _first_beyond(branch, point, old, probe) or item
     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
     return branch, item
+
+
+def _sizes_of_the_born(problem: OrbitProblem, found: Neighbour) -> NDArray[np.float64]:
+    """Return the sizes, shape (states,), that an orbit gave to states of modes without length alone; 0 for others.
+
+    Where the signature changes, what such a state has is rounding, which is no size.
+    """
+    system, n, count = problem.system, problem.n, len(found.signature)
+    durations = np.abs(found.u[n : count * (n + 1) : n + 1])
+    shown = np.zeros(len(system.states), dtype=np.bool_)
+    for mode, duration in zip(found.signature.modes, durations.tolist(), strict=True):
+        if duration > _TOGETHER * durations.sum():
+            shown |= ~np.isin(np.arange(shown.size), absent_states(system, mode))
+    return np.where(shown, 0.0, problem.state_scale[: shown.size])
 
 
 def _first_beyond(branch: OrbitZeroProblem, point: Point, old: Point, probe: float) -> Point | None:

@@ -90,12 +90,14 @@ class OrbitRun(OneParameterRun):
         """Return the freed parameter at a point; NaN where none is freed."""
         return math.nan
 
-    def equations(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
-        """Return the zero problem of a signature near `u`."""
+    def equations(
+        self, signature: Signature, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None
+    ) -> OrbitZeroProblem:
+        """Return the zero problem of a signature near `u`; sizes: (states,), those that `u` may not show."""
         p, index = self.solution.system.parameter_vector(self.solution.parameters), self.solution.system.parameter_names
-        scale, tolerance = np.array([self.scale]), self.solution.tolerance
-        problem = OrbitProblem(self.solution.system, signature, p, [index.index(self.name)], scale, tolerance)
-        problem.start(u)
+        units = [index.index(self.name)], np.array([self.scale])
+        problem = OrbitProblem(self.solution.system, signature, p, *units, self.solution.tolerance)
+        problem.start(u, sizes)
         return self.zero_problem(problem, u)
 
     def zero_problem(self, problem: OrbitProblem, u: NDArray[np.float64]) -> OrbitZeroProblem:
@@ -248,10 +250,8 @@ class OrbitRun(OneParameterRun):
 
     def keep(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> str | None:
         """See `Run.keep`: a branch ends at the equilibrium to which its orbits shrink."""
-        end = super().keep(half, piece, last, point)
-        if (rest := self.shrinks(piece, last, point)) is not None:
-            return self._shrunk(half, *rest)
-        return end
+        end, rest = super().keep(half, piece, last, point), self.shrinks(piece, last, point)
+        return end if rest is None else self._shrunk(half, *rest)
 
     def arrived(self, half: OneSide, piece: OrbitZeroProblem, point: Point) -> str | Going | None:
         """See `Run.arrived`."""
@@ -350,7 +350,7 @@ class OrbitRun(OneParameterRun):
         if name in self.stops:
             return f"{self.place(point)}: {POINT_TYPES[name].meaning}"
         what = POINT_TYPES[name].meaning
-        went = found if isinstance(found, str) else beyond.switched(found, point, self.equations)
+        went = found if isinstance(found, str) else beyond.switched(found, branch.problem, point, self.equations)
         if isinstance(went, str) and name != "GR":
             went = beyond.seen_beyond(branch, point, self.equations, self._wide) or went
         if isinstance(went, str):

@@ -67,12 +67,14 @@ class QuantityRun(OrbitRun):
         u = np.append(inner, self.met(value))
         return self.equations(self.solution.form, u), u
 
-    def equations(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
+    def equations(
+        self, signature: Signature, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None
+    ) -> OrbitZeroProblem:
         """Return the zero problem of a signature near `u`."""
         p = self.solution.system.parameter_vector(self.solution.parameters)
         tolerance = self.solution.tolerance
         problem = OrbitProblem(self.solution.system, signature, p, self._active, self._scales, tolerance)
-        problem.start(u)
+        problem.start(u, sizes)
         return self.zero_problem(problem, u)
 
     def zero_problem(self, problem: OrbitProblem, u: NDArray[np.float64]) -> OrbitZeroProblem:

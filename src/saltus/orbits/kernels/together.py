@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from saltus.flow.kernels.segment import EVENT_X
 from saltus.flow.kernels.side import RESET, EventEnds, SideRoom, turns_back
+from saltus.flow.kernels.step import ROUNDING
 from saltus.orbits.kernels.curve import GUARD
 from saltus.orbits.signature import EARLY, SECTION
+from saltus.scales import CARRIED
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 
@@ -53,8 +55,16 @@ def _beyond(view, k, way, x, room):
 
 @njit(**INNER)
 def _repeats(view, k, rate, end, after, room):
-    """Return whether a motion goes on through the surface all the same, though the reset turns motions back there."""
-    _, behind, goes_on = _beyond(view, k, 1.0 if rate > 0.0 else -1.0, after, room)
+    """Return whether a motion goes on through the surface all the same, though the reset turns motions back there.
+
+    It is asked only where the reset leaves the motion on the surface: from elsewhere it has to come back to it. The
+    motion is there if its height is rounding, or what the end's own height, which is not exactly 0, becomes.
+    """
+    way = 1.0 if rate > 0.0 else -1.0
+    left, _, _ = _beyond(view, k, way, end, room)
+    height, behind, goes_on = _beyond(view, k, way, after, room)
+    if not abs(height) <= ROUNDING + CARRIED * abs(left):
+        return False
     ends, scratch = EventEnds(end, after, view.sizes), SideRoom(room.probe, room.field, room.slope)
     return goes_on and turns_back(view.functions, view.n, view.p, k, (rate, behind), ends, scratch)
 
