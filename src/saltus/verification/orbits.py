@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits.signature import EVENT_END, MEAN_END
+from saltus.scales import FINEST, followed
 from saltus.verification.motion import Calls, Piece, UnfollowedError, contacts, extremes, follow, projection, touching
 from saltus.verification.reference import Reference
 from saltus.verification.spectra import (
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 __all__ = ["OrbitCheck"]
 
 _GAP = 1e-9  # allowed distance of a segment's end from the next start, over the states' sizes
-_GROWN = 1e-11  # the same for each unit of the segment's growth
 _PARTS = 8  # parts of a period with a derivative each
 _TIME = 1e-8  # allowed error of a duration, over the period
 _SLOW = 1e-5  # rate of an event function, in its unit and the period, below which its time is not determined
@@ -55,6 +55,12 @@ class FollowedOrbit:
     growth: NDArray[np.float64]
     multipliers: NDArray[np.complex128]  # multipliers without the trivial one
     uncertain: NDArray[np.float64]  # how far each of them may be off
+    error: float  # what the flow leaves of its tolerance for each unit of growth, over the states' sizes
+
+    @property
+    def loose(self) -> float:
+        """Error of states along the orbit, over their sizes, besides that of an orbit of the finest tolerance."""
+        return (self.error - followed(FINEST)) * float(self.growth.max())
 
 
 class OrbitCheck:
@@ -112,8 +118,10 @@ class OrbitCheck:
             return [unchecked(f"type {kind}", kind, "SciPy cannot follow the motion")]
         if kind == "GR":
             distance = _least_contact(self.found)
-            return [compared("least distance from a contact without speed", 0.0, distance, _TOUCHES)]
-        return multiplier_condition(self.found.multipliers, kind, multiplicity)
+            allowed = _TOUCHES + self.found.loose
+            return [compared("least distance from a contact without speed", 0.0, distance, allowed)]
+        known = self.found.uncertain if self.orbit.tolerance > FINEST else np.zeros_like(self.found.uncertain)
+        return multiplier_condition(self.found.multipliers, kind, multiplicity, float(known.max(initial=0.0)))
 
 
 def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
@@ -137,10 +145,11 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
         growth.append(growth_on_the_way(own, sizes))
         steps += own
         pieces.append(piece)
+    error = followed(orbit.tolerance)
     across = _across(orbit, reference, end, sizes)
-    values, uncertain = spectrum([*steps, across], sizes, dropped=1)
+    values, uncertain = spectrum([*steps, across], sizes, dropped=1, error=error)
     return FollowedOrbit(
-        reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain
+        reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain, error
     )  # fmt: skip
 
 
@@ -175,7 +184,7 @@ def _across(
 
 def _closing(orbit: PeriodicOrbit, found: FollowedOrbit) -> Row:
     gaps = np.abs(found.gaps) / found.sizes
-    allowed = _GAP + _GROWN * found.growth
+    allowed = _GAP + found.error * found.growth
     i = int(np.argmax(gaps.max(axis=1) / allowed))
     return compared(f"gap behind segment {i}", 0.0, float(gaps[i].max()), float(allowed[i]))
 
@@ -192,7 +201,7 @@ def _durations(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
         h = float(reference.event(transition, piece.end[:, None])[0])
         unit = float(np.abs(gradient) @ found.sizes) or 1.0
         name = orbit.system.transition_names[transition]
-        allowed = _TIME + _GROWN * found.growth[i]
+        allowed = _TIME + found.error * found.growth[i]
         if abs(rate) * orbit.period < _SLOW * unit:
             rows.append(compared(f"event {name}", 0.0, h / unit, allowed))
         else:
@@ -229,7 +238,7 @@ def _extremes(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
         size = max(abs(orbit.lows[q]), abs(orbit.highs[q]))
         if name == phase or not math.isfinite(size):
             continue
-        allowed = _EXTREME * size + 1e-14 * float(found.sizes.max())
+        allowed = (_EXTREME + found.loose) * size + 1e-14 * float(found.sizes.max())
         rows.append(compared(f"min {name}", float(orbit.lows[q]), float(lows[q]), allowed))
         rows.append(compared(f"max {name}", float(orbit.highs[q]), float(highs[q]), allowed))
     return rows

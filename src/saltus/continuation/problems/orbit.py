@@ -28,6 +28,7 @@ from saltus.continuation.problems.guards import (
     residual_fault,
     rests,
     step_fault,
+    tightened,
     unconfirmed,
 )
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
@@ -170,6 +171,10 @@ class OrbitZeroProblem:
         """Take the point's meshes and sizes; renew the phase plane of a cycle that has turned away from it."""
         if self._retries.leave(point):
             self._adjust(point.u)
+        if self._retries.finer() and solve_again(self, self.problem, point, point.u) is None:
+            again = self.examine(point, None)
+            point.examined = point.examined if again.data is None else again
+            self._retries.keep(point)
         if depart(self, self.problem, point.u, point):
             point.examined = replace(point.examined, monitors={**point.examined.monitors, **self._measured(point)})
 
@@ -228,7 +233,7 @@ class OrbitZeroProblem:
             return Examined({}, fault)
         self._sharpen(point)
         survey = problem.survey(point.u)
-        if survey.coarse:
+        if survey.coarse or tightened(problem, survey, point.u, self.own(point.J), neutral=self.neutral):
             if (fault := solve_again(self, problem, point, point.u)) is not None:
                 return Examined({}, fault)
             survey = problem.survey(point.u)
