@@ -24,6 +24,8 @@ __all__ = [
     "ROUGH",
     "ROUNDED_ROUNDS",
     "ROUNDS_ALIKE",
+    "SENSITIVITIES",
+    "STEPS_TOGETHER",
     "Scales",
     "Verdict",
     "followed",
@@ -53,6 +55,9 @@ ROUNDED_ROUNDS = 1e-12
 
 # Error that an orbit's flow leaves in a unit of growth, in its tolerance: so many steps of one tolerance each add up.
 STEPS_TOGETHER = 10.0
+
+# Error of a flow's sensitivities, which vary faster, over that of its states: meshes are made for that ratio.
+SENSITIVITIES = 10.0
 
 # Relative error of a multiplier beyond which its place tells nothing of the next one along a branch.
 ROUGH = 1e-2

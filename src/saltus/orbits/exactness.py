@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import EVENT_END, MEAN_END
-from saltus.scales import FINEST, STEPS_TOGETHER, zero
+from saltus.scales import FINEST, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,10 +41,10 @@ def point_errors(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def solved(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
-    """Return whether an orbit solves equations to their tolerance, as one that was computed at a looser one does not."""
+    """Return whether an orbit solves equations to their tolerance; one of a looser tolerance does not."""
     F = problem.resolve(u)[0].reshape(problem.segments, problem.n + 1)
     steps = np.diff(problem.mesh[1])[:, None]
-    return bool(zero(F[:, : problem.n], STEPS_TOGETHER * steps * problem.known.errors))
+    return bool(zero(F[:, : problem.n], steps * problem.known.errors))
 
 
 def computed_finer(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]] | None:

@@ -178,22 +178,24 @@ def projection(rate: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDAr
 
 
 def contacts(
-    reference: Reference, piece: Piece, transition: int, sizes: NDArray[np.float64]
+    reference: Reference, piece: Piece, transition: int, sizes: NDArray[np.float64], late: float = 0.0
 ) -> list[tuple[float, float, float]]:
     """Return where an event function vanishes in a segment: time, rate of the function, its unit.
 
     The ends of the segment are left out. So is a segment that is as a whole too near to the surface to be told from it.
+    late: time beside the ends in which an event is that of the end, as a loose tolerance leaves it.
     """
     h = reference.event(transition, piece.states)
     unit = _unit(reference, transition, piece, sizes)
     found: list[tuple[float, float, float]] = []
+    ends = _ENDS + late / abs(float(piece.times[-1])) if piece.times[-1] else 1.0
     if float(np.abs(h).max()) < _LOW * unit:
         return found
     for i in np.flatnonzero((h[:-1] < 0.0) != (h[1:] < 0.0)):
         span = piece.times[i + 1] - piece.times[i]
         share = h[i] / (h[i] - h[i + 1])
         time = float(piece.times[i] + share * span)
-        if _ENDS < time / piece.times[-1] < 1.0 - _ENDS and _continuous(reference, piece, transition, int(i), h):
+        if ends < time / piece.times[-1] < 1.0 - ends and _continuous(reference, piece, transition, int(i), h):
             found.append((time, float((h[i + 1] - h[i]) / span), unit))
     return found
 

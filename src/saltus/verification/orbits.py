@@ -249,11 +249,12 @@ def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
     reference, form = found.reference, orbit.form
     reasons = [f"duration {i}" for i, duration in enumerate(orbit.durations) if not duration > 0.0]
     for i, piece in enumerate(found.pieces):
+        late = (found.error - followed(FINEST)) * float(found.growth[i]) * orbit.period
         if not np.all(reference.domain(piece.mode, piece.states[:, 1:-1])):
             reasons.append(f"domain in segment {i}")
         for k in reference.ways_out(piece.mode):
             direction = orbit.system.transitions[k].direction
-            for time, rate, _ in contacts(reference, piece, k, found.sizes):
+            for time, rate, _ in contacts(reference, piece, k, found.sizes, late):
                 at = np.array([np.interp(time, piece.times, row) for row in piece.states])
                 if rate * direction >= 0.0 and reference.allows(k, at[:, None])[0]:
                     reasons.append(f"event {k} in segment {i}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.scales import FINEST, followed
+from saltus.scales import FINEST, SENSITIVITIES, followed
 from saltus.verification.table import Row, compared, unchecked
 
 if TYPE_CHECKING:
@@ -78,6 +78,9 @@ def spectrum(
         order = _order(precise, values)
         values, condition = precise, condition[order]
     uncertain = np.minimum(condition * level, np.sqrt(level * max(norm, 1.0))) + max(least, _ROUNDING * norm)
+    if error > followed(FINEST):
+        whole = functools.reduce(lambda before, step: step @ before, scaled[:-1])
+        uncertain += SENSITIVITIES * error * float(np.linalg.norm(whole, 2))
     order = np.argsort(-np.abs(values), kind="stable")[: values.size - dropped]
     return values[order], uncertain[order]
 

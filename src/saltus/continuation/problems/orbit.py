@@ -171,7 +171,8 @@ class OrbitZeroProblem:
         """Take the point's meshes and sizes; renew the phase plane of a cycle that has turned away from it."""
         if self._retries.leave(point):
             self._adjust(point.u)
-        if self._retries.finer() and solve_again(self, self.problem, point, point.u) is None:
+        looser = point.examined.data is not None and point.examined.data.tolerance > self.problem.tol
+        if looser and solve_again(self, self.problem, point, point.u) is None:
             again = self.examine(point, None)
             point.examined = point.examined if again.data is None else again
             self._retries.keep(point)
@@ -249,7 +250,7 @@ class OrbitZeroProblem:
         way = self._follow(point, before, values)
         followed = way.followed
         unstable = unstable_count(values[: len(followed)], neutral=self.neutral)
-        data = OrbitData(survey, values, unstable, followed, twice=twice)
+        data = OrbitData(survey, values, unstable, followed, twice=twice, tolerance=problem.tol)
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
         still_ahead(monitors, survey, before)

@@ -29,7 +29,7 @@ class Retries:
     """
 
     def __init__(self, problem: OrbitProblem) -> None:
-        self._problem, self._tol = problem, problem.tol
+        self._problem = problem
         self._left: list[tuple[Point, Mapping[str, Any]]] = []
 
     def leave(self, point: Point) -> bool:
@@ -45,11 +45,6 @@ class Retries:
         """Keep the meshes and sizes of this moment as those of a point."""
         others = [pair for pair in self._left if pair[0] is not point]
         self._left = [*others[-1:], (point, self._problem.kept())]
-
-    def finer(self) -> bool:
-        """Return whether the tolerance became finer since the last call, so that the point to start from is rough."""
-        before, self._tol = self._tol, self._problem.tol
-        return self._tol < before
 
     def stabilised(self, point: Point, u: NDArray[np.float64]) -> bool:
         """Shorten the steps of a stiff flow near a point with orbit `u` for stability; return whether they were."""
