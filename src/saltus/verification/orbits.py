@@ -130,6 +130,7 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
     sizes = _sizes(orbit)
     form, count = orbit.form, len(orbit.durations)
     pieces, gaps, growth, steps = [], [], [], []
+    slowest = 1.0  # unit of an event function over its change in a period at the rate at which it is met
     calls, parts = Calls(reference, stiff), max(1, round(_PARTS / count))
     for i in range(count):
         mode, transition, kind = form.modes[i], form.transitions[i], form.kinds[i]
@@ -137,7 +138,10 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
         end, own = piece.end, list(piece.slopes)
         if kind in (EVENT_END, MEAN_END):
             gradient = reference.event_slope(transition, end)
-            landing = projection(reference.field(mode, end), gradient)
+            rate = reference.field(mode, end)
+            landing = projection(rate, gradient)
+            met = abs(float(gradient @ rate)) * orbit.period
+            slowest = max(slowest, float(np.abs(gradient) @ sizes) / met if met > 0.0 else math.inf)
             after = reference.reset_slope(transition, end)
             own[-1] = after @ landing @ own[-1]
             end = reference.reset(transition, end)
@@ -147,7 +151,9 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
         pieces.append(piece)
     error = followed(orbit.tolerance)
     across = _across(orbit, reference, end, sizes)
-    values, uncertain = spectrum([*steps, across], sizes, dropped=1, error=error)
+    values, uncertain = spectrum(
+        [*steps, across], sizes, dropped=1, error=error * slowest, zeros=error > followed(FINEST)
+    )
     return FollowedOrbit(
         reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain, error
     )  # fmt: skip

@@ -43,6 +43,8 @@ def spectrum(
     dropped: int = 0,
     least: float = _LEAST,
     error: float | None = None,
+    *,
+    zeros: bool = False,
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Return the eigenvalues of a product of matrices, the largest modulus first, and how far each may be off.
 
@@ -58,6 +60,8 @@ def spectrum(
         Absolute accuracy that is asked of any eigenvalue.
     error : float, optional
         Relative error of the factors; by default that of an integration at the finest tolerance.
+    zeros : bool
+        Whether eigenvalues below the error of the whole product may have been taken for 0.
     """
     from scipy.linalg import eig
 
@@ -78,7 +82,7 @@ def spectrum(
         order = _order(precise, values)
         values, condition = precise, condition[order]
     uncertain = np.minimum(condition * level, np.sqrt(level * max(norm, 1.0))) + max(least, _ROUNDING * norm)
-    if error > followed(FINEST):
+    if zeros:
         whole = functools.reduce(lambda before, step: step @ before, scaled[:-1])
         uncertain += SENSITIVITIES * error * float(np.linalg.norm(whole, 2))
     order = np.argsort(-np.abs(values), kind="stable")[: values.size - dropped]

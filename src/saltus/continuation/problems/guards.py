@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
 
 __all__ = [
-    "CROSSINGS", "HALVES", "INFINITE", "RESIDUAL", "SHORT",
+    "CROSSINGS", "HALVES", "INFINITE", "RESIDUAL", "ROUGH_GRAZING", "SHORT",
     "goes_twice", "residual_fault", "rests", "step_fault", "tightened", "unconfirmed", "undetermined",
 ]  # fmt: skip
 
@@ -36,6 +36,7 @@ RESIDUAL = 1e-8  # largest residual of an orbit that is kept, over the sizes of 
 INFINITE = 1e10  # modulus from which on a multiplier counts as infinite: the orbit is at a grazing
 CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
 HALVES = "halves: the orbit goes round a shorter one twice, and no branch point explains it"
+ROUGH_GRAZING = "location: what lies behind the grazing cannot be told at the tolerance"
 SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
 _STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
 _SAME = 1e-8  # difference of an orbit's halves, over the states' sizes, up to which they are one

@@ -73,9 +73,13 @@ def switched(found: Neighbour, old: Point, equations: Equations) -> Beyond | str
         Returns the equations of a signature near given unknowns.
     """
     branch = equations(found.signature, found.u)
+    if branch.problem.tighten():  # what lies beyond cannot be told at a looser tolerance
+        branch.problem.start(found.u)
     if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
         found = Neighbour(*once)
         branch = equations(found.signature, found.u)
+        if branch.problem.tighten():
+            branch.problem.start(found.u)
     try:
         point = start_point(branch, found.u)
     except ValueError as error:
