@@ -8,6 +8,7 @@ the residual reached, and rounding. Whoever gets `Verdict.UNCLEAR` computes more
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -17,7 +18,23 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["CARRIED", "EPS", "Scales", "Verdict", "near", "same", "zero"]
+__all__ = [
+    "CARRIED",
+    "EPS",
+    "FINEST",
+    "ROUGH",
+    "ROUNDED_ROUNDS",
+    "ROUNDS_ALIKE",
+    "SENSITIVITIES",
+    "STEPS_TOGETHER",
+    "Scales",
+    "Verdict",
+    "followed",
+    "near",
+    "same",
+    "split",
+    "zero",
+]
 
 # Spacing of doubles at 1: the relative rounding of one operation.
 EPS = float(np.finfo(float).eps)
@@ -29,6 +46,26 @@ _CLEAR = 10.0
 # A reset carries what is left of a landing's event function on to the state behind it, enlarged by so much at most:
 # resets of walls leave the function itself as it is.
 CARRIED = 4.0
+
+# Relative tolerance to which an orbit is computed where a looser one cannot tell: the default, at which nothing
+# is asked again. Steps of order 8 leave rounding a tenth of it.
+FINEST = 1e-12
+
+# Two rounds of an orbit that was computed at the finest tolerance are one up to this share of a state's range: the
+# error of its points, a few tolerances at each of some 100 steps, magnified by 1/(1 - multiplier) of up to 10^4.
+ROUNDS_ALIKE = 1e-6
+
+# The same over the size of a state, whose range may be nothing: rounding of the return.
+ROUNDED_ROUNDS = 1e-12
+
+# Error that an orbit's flow leaves in a unit of growth, in its tolerance: so many steps of one tolerance each add up.
+STEPS_TOGETHER = 10.0
+
+# Error of a flow's sensitivities, which vary faster, over that of its states: meshes are made for that ratio.
+SENSITIVITIES = 10.0
+
+# Relative error of a multiplier beyond which its place tells nothing of the next one along a branch.
+ROUGH = 1e-2
 
 
 class Verdict(Enum):
@@ -79,3 +116,16 @@ def zero(value: ArrayLike, error: ArrayLike) -> Verdict:
 def near(value: float, target: float, error: float, rounding: float = EPS) -> Verdict:
     """Return whether `value` is at `target` within `error` and the rounding of both."""
     return same(value, target, error + rounding * max(abs(value), abs(target)))
+
+
+def split(tolerance: float) -> float:
+    """Return up to which distance, over a size, an error of the equations parts two branches that meet in a pitchfork.
+
+    An error ``e`` in ``e = a*(m - a**2)`` moves solutions near the point by its cube root.
+    """
+    return min(_CLEAR * math.cbrt(tolerance), 1.0)
+
+
+def followed(tolerance: float) -> float:
+    """Return the error that a flow of that tolerance leaves, over the states' sizes and for each unit of growth."""
+    return STEPS_TOGETHER * max(tolerance, FINEST)

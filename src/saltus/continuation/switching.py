@@ -32,6 +32,7 @@ from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CLOSED_END, CUT_END, ON_BORDER, PHASE_END, WHOLE, Signature
 from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.critical import Branching, scaling
+from saltus.scales import FINEST
 from saltus.solution import Solution
 
 if TYPE_CHECKING:
@@ -310,7 +311,9 @@ def _step_off(
     p = orbit.system.parameter_vector(orbit.parameters)
     reason = ""
     for amplitude in (size * step for step in _AMPLITUDES):
-        problem = OrbitProblem(orbit.system, signature, p, [index], np.array([scale]), orbit.tolerance)
+        # so near to the point a looser tolerance cannot tell the branches apart
+        tol = min(orbit.tolerance, FINEST)
+        problem = OrbitProblem(orbit.system, signature, p, [index], np.array([scale]), tol)
         problem.start(u, sizes)
         branch = OrbitZeroProblem(problem, u, Interest(-math.inf, math.inf, scale))
         weights = branch.metric(u)

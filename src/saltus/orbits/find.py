@@ -20,7 +20,7 @@ from saltus.orbits.drift import drift_of, drift_of_samples
 from saltus.orbits.guesses import check_states
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.pieces import in_pieces
-from saltus.orbits.rounds import divided, rounds_of
+from saltus.orbits.rounds import shortest
 from saltus.orbits.settling import Stretch, cycle_of, event_log, follow, rest_of, sizes_of
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.solve import check_tol, converge
@@ -214,7 +214,7 @@ def _search_forced(
             recurrence = min(recurrence, gap)
             if gap < _NEAR:
                 try:
-                    orbit = _once_round(system, converge(system, *_read_forced(log, wraps, turns), p, tol), p)
+                    orbit = _once_round(system, converge(system, *_read_forced(log, wraps, turns), p, tol), p, tol)
                 except DefinitionError:
                     raise
                 except SaltusError as error:
@@ -249,14 +249,12 @@ def _why_not(orbit: PeriodicOrbit) -> str:
     return far if orbit.stable else "the orbit near the motion is not stable"
 
 
-def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
+def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64], tol: float) -> PeriodicOrbit:
     """Return an orbit once round, where it was found as several rounds of a shorter one."""
     if orbit.form.turns == 1:
         return orbit
-    problem, u = orbit.problem(), orbit.unknowns
-    count = rounds_of(problem, u)
-    once = divided(problem, u, count) if count > 1 else None
-    return orbit if once is None else converge(system, *once, p, orbit.tolerance)
+    once = shortest(orbit.problem(), orbit.unknowns)[1]
+    return orbit if once is None else converge(system, *once, p, tol)
 
 
 def _read_forced(log: EventLog, wraps: NDArray[np.intp], turns: int) -> tuple[Signature, NDArray[np.float64]]:
@@ -309,7 +307,7 @@ def _search_autonomous(
             recurrence = min(recurrence, gap)
             if gap < _NEAR:
                 try:
-                    orbit = _once_round(system, converge(system, signature, u, p, tol), p)
+                    orbit = _once_round(system, converge(system, signature, u, p, tol), p, tol)
                 except DefinitionError:
                     raise
                 except SaltusError as error:

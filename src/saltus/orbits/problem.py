@@ -17,6 +17,7 @@ from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
+from saltus.scales import FINEST, Scales
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -185,6 +186,18 @@ class OrbitProblem(Discretised):
             sizes = self.state_scale.copy()
             self._common = known = self._surface_rows, sizes, common_sizes(self._surface_rows, sizes)
         return known[2]
+
+    def tighten(self) -> bool:
+        """Go on by the finest tolerance; return whether it was looser. The next `start` makes meshes for it."""
+        looser = self.tol > FINEST
+        self.tol = min(self.tol, FINEST)
+        self._set_absolute_tolerance()
+        return looser
+
+    @property
+    def known(self) -> Scales:
+        """What is known of the errors of the states."""
+        return Scales(self.tol, np.full(self.n, self._atol), self.state_scale)
 
     def _set_absolute_tolerance(self) -> None:
         """Take the absolute tolerance from the states' sizes, next to equilibria above the field's rounding.

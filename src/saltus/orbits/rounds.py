@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from saltus.orbits.cuts import clustered, whole
+from saltus.orbits.exactness import computed_finer, point_errors
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
+from saltus.scales import FINEST, ROUNDED_ROUNDS, ROUNDS_ALIKE, Verdict, same
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
@@ -17,10 +19,8 @@ if TYPE_CHECKING:
     from saltus.orbits.problem import OrbitProblem
     from saltus.orbits.signature import Survey
 
-__all__ = ["divided", "repeats_of", "rounds_of"]
+__all__ = ["divided", "repeats_of", "rounds_of", "shortest"]
 
-_ALIKE = 1e-6  # difference between two rounds, over the range of a state, up to which they are the same
-_ROUNDING = 1e-12  # difference between two rounds, over the size of a state, that is rounding
 _LOOKS = 8  # places in each part of a period at which states are compared
 _LIKELY = 4  # primes by which a phase may be faster than its drive
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)  # factors of a count of rounds
@@ -28,15 +28,38 @@ _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)  
 
 def rounds_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
     """Return how many times the orbit `u` goes round the shortest one that it repeats; `problem` is started there."""
+    return shortest(problem, u)[0]
+
+
+def shortest(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[int, tuple[Signature, NDArray[np.float64]] | None]:
+    """Return how many times an orbit goes round the shortest one that it repeats, with signature and unknowns of that.
+
+    Where the error of the points leaves it open whether two rounds are one, the orbit is computed more exactly.
+    None stands for the orbit itself.
+    """
     survey, states = problem.survey(u), len(problem.system.states)
-    rests = np.all(survey.highs[:states] - survey.lows[:states] <= _ROUNDING * problem.state_scale[:states])
+    rests = np.all(survey.highs[:states] - survey.lows[:states] <= ROUNDED_ROUNDS * problem.state_scale[:states])
     if rests and problem.system.phase is None:
-        return 1
-    count = 1
+        return 1, None
+    count, found, error = 1, None, None if problem.tol <= FINEST else _error(problem, u)
     for prime in _PRIMES:
-        while divided(problem, u, count * prime) is not None:
-            count *= prime
-    return count
+        while True:
+            once, verdict = _repeated(problem, u, count * prime, error)
+            if verdict is Verdict.UNCLEAR and error is not None:
+                if (finer := computed_finer(problem, u)) is None:
+                    break
+                (problem, u), error = finer, None
+                continue
+            if not verdict:
+                break
+            count, found = count * prime, once
+    return count, found
+
+
+def _error(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
+    """Return the largest error of an orbit's points, over the states' sizes, such as rounds may differ by."""
+    states = len(problem.system.states)
+    return float(np.max(point_errors(problem, u)[:, :states] / problem.state_scale[:states]))
 
 
 def repeats_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
@@ -45,15 +68,15 @@ def repeats_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
     It is more than 1 where the phase runs through several periods of the drive, as in ``cos(2*s)``. Of an orbit that
     takes several turns, or rests, it is 1.
     """
-    problem, u = whole(problem, u)
-    signature, n = problem.signature, problem.n
-    if signature.turns != 1:
+    if problem.signature.turns != 1:
         return 1
+    problem, u = whole(*(computed_finer(problem, u) or (problem, u)))
+    n = problem.n
     survey, states = problem.survey(u), len(problem.system.states)
     ranges = (survey.highs - survey.lows)[:states]
-    if np.all(ranges <= _ROUNDING * problem.state_scale[:states]):
+    if np.all(ranges <= ROUNDED_ROUNDS * problem.state_scale[:states]):
         return 1
-    known = _ALIKE * ranges + _ROUNDING * problem.state_scale[:states]
+    known = ROUNDS_ALIKE * ranges + ROUNDED_ROUNDS * problem.state_scale[:states]
     blocks, count = u[: problem.size].reshape(problem.segments, n + 1), 1
     for prime in _PRIMES[:_LIKELY]:
         while _repeats(problem, blocks, count * prime, known):
@@ -74,15 +97,37 @@ def _repeats(problem: OrbitProblem, blocks: NDArray[np.float64], count: int, kno
         np.array_equal(np.roll(one, -part), one) for one in (signature.modes, signature.transitions)
     )
     alike = np.all(np.abs(shifted[:, :states] - blocks[:, :states]) <= known)
-    return bool(same and alike and np.all(np.abs(shifted[:, -1] - blocks[:, -1]) <= _ALIKE * blocks[:, -1].sum()))
+    return bool(same and alike and np.all(np.abs(shifted[:, -1] - blocks[:, -1]) <= ROUNDS_ALIKE * blocks[:, -1].sum()))
+
+
+class _Rounds(NamedTuple):
+    """The rounds of an orbit, each as if it were an orbit of its own."""
+
+    problem: OrbitProblem  # the orbit's equations, smooth segments in one piece
+    once: Signature  # of one round
+    rows: NDArray[np.float64]  # shape (rounds, segments, n + 1): states and durations, turns taken off
+    survey: Survey
+    period: float  # of all rounds
+
+    def gaps(self) -> NDArray[np.float64]:
+        """Return how far each round is from the first; NaN where it cannot be followed in one piece."""
+        return np.asarray(np.abs(self.rows - self.rows[0]))
+
+    def allowed(self, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what differences of states, shape (n,), make of states and durations, shape (n + 1,)."""
+        share = max(float(np.max(sizes / self.problem.state_scale)), ROUNDS_ALIKE)
+        allowed = np.append(sizes, share * self.period)
+        if self.problem.system.phase is not None:
+            allowed[-2] = 2.0 * math.pi * share
+        return allowed
+
+    def mean(self, active: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64]]:
+        """Return signature and unknowns of the mean round; `active` are the parameters among the unknowns."""
+        return self.once, np.append(self.rows.mean(axis=0).ravel(), active)
 
 
 def divided(
-    problem: OrbitProblem,
-    u: NDArray[np.float64],
-    count: int,
-    sizes: NDArray[np.float64] | None = None,
-    known: Survey | None = None,
+    problem: OrbitProblem, u: NDArray[np.float64], count: int, sizes: NDArray[np.float64], known: Survey | None = None
 ) -> tuple[Signature, NDArray[np.float64]] | None:
     """Return signature and unknowns of the orbit that `u` goes round `count` times; None where its rounds differ.
 
@@ -94,11 +139,39 @@ def divided(
         An orbit.
     count : int
         Rounds, 2 or more.
-    sizes : ndarray, shape (n,), optional
-        Differences of the states up to which two rounds are the same; by default a millionth of the states' ranges.
+    sizes : ndarray, shape (n,)
+        Differences of the states up to which two rounds are the same.
     known : Survey, optional
         What the last dense look showed, if it was at `u`, in one piece between events.
     """
+    found = _parted(problem, u, count, known)
+    if found is None or not np.all(found.gaps() <= found.allowed(sizes)):
+        return None
+    return found.mean(u[problem.size :])
+
+
+def _repeated(
+    problem: OrbitProblem, u: NDArray[np.float64], count: int, error: float | None
+) -> tuple[tuple[Signature, NDArray[np.float64]] | None, Verdict]:
+    """Return what `divided` does, and whether the rounds are the same.
+
+    error: that of the points, over the states' sizes, at a loose tolerance; None at the finest one.
+    """
+    found = _parted(problem, u, count, None)
+    if found is None:
+        return None, Verdict.NO
+    n, scale = problem.n, found.problem.state_scale
+    sizes = ROUNDS_ALIKE * (found.survey.highs[:n] - found.survey.lows[:n]) + ROUNDED_ROUNDS * scale
+    gaps = found.gaps()
+    if np.all(gaps <= found.allowed(sizes)):
+        return found.mean(u[problem.size :]), Verdict.YES
+    if error is None or same(gaps, 0.0, found.allowed(np.maximum(sizes, error * scale))) is Verdict.NO:
+        return None, Verdict.NO
+    return None, Verdict.UNCLEAR
+
+
+def _parted(problem: OrbitProblem, u: NDArray[np.float64], count: int, known: Survey | None) -> _Rounds | None:
+    """Return the rounds of an orbit that may go round another one `count` times; None where its signature does not."""
     problem, u = whole(problem, u)
     signature, n, turns = problem.signature, problem.n, problem.signature.turns
     blocks = u[: problem.size].reshape(problem.segments, n + 1)
@@ -117,16 +190,9 @@ def divided(
         if modes * count != signature.modes or transitions * count != signature.transitions:
             return None
         rounds = blocks.reshape(count, part, n + 1).copy()
-    if sizes is None:
-        sizes = _ALIKE * (survey.highs[:n] - survey.lows[:n]) + _ROUNDING * problem.state_scale
-    share = float(np.max(sizes / problem.state_scale))
-    allowed = np.append(sizes, max(share, _ALIKE) * float(np.abs(blocks[:, n]).sum()))
     if problem.system.phase is not None:
         rounds[:, :, n - 1] -= (2.0 * math.pi * turns / count) * np.arange(count)[:, None]
-        allowed[n - 1] = 2.0 * math.pi * max(share, _ALIKE)
     places = problem.system.angle_places
     rounds[1:] = rounds[0] + wrapped(rounds[1:] - rounds[0], places) if places.size else rounds[1:]
-    if not np.all(np.abs(rounds - rounds[0]) <= allowed):  # a round that cannot be followed in one piece is NaN
-        return None
     once = Signature(modes, transitions, kinds, turns // count)
-    return once, np.append(rounds.mean(axis=0).ravel(), u[problem.size :])
+    return _Rounds(problem, once, rounds, survey, float(np.abs(blocks[:, n]).sum()))

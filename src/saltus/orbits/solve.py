@@ -26,8 +26,9 @@ from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
-from saltus.orbits.stability.floquet import nontrivial
+from saltus.orbits.stability.floquet import nontrivial, undecided
 from saltus.orbits.winding import unwrapped
+from saltus.scales import FINEST
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -236,6 +237,8 @@ def converge(
     else:
         orbit = sound_orbit(problem, u, J)
     check_fields(problem)
+    if undecided(problem, u, J, orbit.multipliers):
+        return converge(system, signature, given, p, FINEST)
     inner = nontrivial(orbit.multipliers, autonomous=system.phase is None)
     if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
         raise ConvergenceError(ISOLATED, orbit.residual, 0, why_a_family(first, given))

@@ -62,7 +62,7 @@ class Piece:
 
 
 def follow(calls: Calls, x: NDArray[np.float64], duration: float, sizes: NDArray[np.float64], parts: int = 1) -> Piece:
-    """Follow a state with its variational equations for a duration.
+    """Follow a state with its variational equations for a duration, which may be 0, or negative beside a grazing.
 
     Where a field ends at a surface, neighbours that take the same steps stand for the variational equations.
 
@@ -85,18 +85,18 @@ def follow(calls: Calls, x: NDArray[np.float64], duration: float, sizes: NDArray
         The motion takes too many steps, or cannot be followed to its end.
     """
     span = duration / parts
-    slopes, interpolants, first = [], [], (1e-9 if calls.stiff else 1e-3) * span
+    slopes, interpolants, first = [], [], (1e-9 if calls.stiff else 1e-3) * abs(span)
     times = np.linspace(0.0, duration, _SAMPLES)
     for part in range(parts):
         interpolant, x, slope, steps = _part(calls, x, span, sizes, first)
         interpolants.append(interpolant)
         slopes.append(slope)
-        first = float(np.diff(steps)[max(steps.size - 3, 0)])  # that of the end itself is cut
+        first = abs(float(np.diff(steps)[max(steps.size - 3, 0)]))  # that of the end itself is cut
         if calls.stiff:  # fast layers lie between equidistant samples
             times = np.union1d(times, part * span + steps[1:-1])
 
     def between(t: float) -> NDArray[np.float64]:
-        i = min(max(int(t / span), 0), parts - 1)
+        i = min(max(int(t / span), 0), parts - 1) if span else 0
         return interpolants[i](t - i * span)
 
     states = np.column_stack([between(float(t)) for t in times])
@@ -149,6 +149,8 @@ def _part(
     """Return the states of a part as a function of time, its end, its derivative and the ends of steps."""
     from scipy.integrate import solve_ivp
 
+    if duration == 0.0:
+        return (lambda t: x), x, np.eye(x.size), np.zeros(2)
     start = stencil(x, sizes) if calls.rooted else np.column_stack([x, np.eye(x.size)])
     atol = np.tile(_ATOL * sizes[:, None], start.shape[1])
     if not calls.rooted:
@@ -160,7 +162,7 @@ def _part(
     with np.errstate(all="ignore"):
         found = solve_ivp(
             lambda t, y: calls(y.reshape(start.shape)).ravel(), (0.0, duration), start.ravel(),
-            dense_output=True, first_step=min(first, duration), **method,
+            dense_output=True, first_step=min(first, abs(duration)), **method,
         )  # fmt: skip
     if not found.success or not np.all(np.isfinite(found.y[:, -1])):
         raise UnfollowedError
@@ -176,22 +178,24 @@ def projection(rate: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDAr
 
 
 def contacts(
-    reference: Reference, piece: Piece, transition: int, sizes: NDArray[np.float64]
+    reference: Reference, piece: Piece, transition: int, sizes: NDArray[np.float64], late: float = 0.0
 ) -> list[tuple[float, float, float]]:
     """Return where an event function vanishes in a segment: time, rate of the function, its unit.
 
     The ends of the segment are left out. So is a segment that is as a whole too near to the surface to be told from it.
+    late: time beside the ends in which an event is that of the end, as a loose tolerance leaves it.
     """
     h = reference.event(transition, piece.states)
     unit = _unit(reference, transition, piece, sizes)
     found: list[tuple[float, float, float]] = []
+    ends = _ENDS + late / abs(float(piece.times[-1])) if piece.times[-1] else 1.0
     if float(np.abs(h).max()) < _LOW * unit:
         return found
     for i in np.flatnonzero((h[:-1] < 0.0) != (h[1:] < 0.0)):
         span = piece.times[i + 1] - piece.times[i]
         share = h[i] / (h[i] - h[i + 1])
         time = float(piece.times[i] + share * span)
-        if _ENDS < time / piece.times[-1] < 1.0 - _ENDS and _continuous(reference, piece, transition, int(i), h):
+        if ends < time / piece.times[-1] < 1.0 - ends and _continuous(reference, piece, transition, int(i), h):
             found.append((time, float((h[i + 1] - h[i]) / span), unit))
     return found
 
@@ -222,7 +226,9 @@ def extremes(reference: Reference, piece: Piece) -> tuple[NDArray[np.float64], N
                 return sign * float(reference.quantities(piece.mode, piece.between(t))[row])
 
             for a, b in {(max(i - 1, 0), min(i + 1, last)), (0, 1), (last - 1, last)}:  # it may lie at a closed end
-                ends = float(piece.times[a]), float(piece.times[b])
+                ends = sorted((float(piece.times[a]), float(piece.times[b])))
+                if ends[0] == ends[1]:
+                    continue
                 near = {"xatol": min(1e-5, _FINE * (ends[1] - ends[0]))}
                 found = minimize_scalar(height, bounds=ends, method="bounded", options=near)
                 kept[row] = sign * min(float(found.fun), sign * kept[row])

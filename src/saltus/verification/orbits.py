@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits.signature import EVENT_END, MEAN_END
+from saltus.scales import FINEST, followed
 from saltus.verification.motion import Calls, Piece, UnfollowedError, contacts, extremes, follow, projection, touching
 from saltus.verification.reference import Reference
 from saltus.verification.spectra import (
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 __all__ = ["OrbitCheck"]
 
 _GAP = 1e-9  # allowed distance of a segment's end from the next start, over the states' sizes
-_GROWN = 1e-11  # the same for each unit of the segment's growth
 _PARTS = 8  # parts of a period with a derivative each
 _TIME = 1e-8  # allowed error of a duration, over the period
 _SLOW = 1e-5  # rate of an event function, in its unit and the period, below which its time is not determined
@@ -55,6 +55,12 @@ class FollowedOrbit:
     growth: NDArray[np.float64]
     multipliers: NDArray[np.complex128]  # multipliers without the trivial one
     uncertain: NDArray[np.float64]  # how far each of them may be off
+    error: float  # what the flow leaves of its tolerance for each unit of growth, over the states' sizes
+
+    @property
+    def loose(self) -> float:
+        """Error of states along the orbit, over their sizes, besides that of an orbit of the finest tolerance."""
+        return (self.error - followed(FINEST)) * float(self.growth.max())
 
 
 class OrbitCheck:
@@ -112,8 +118,10 @@ class OrbitCheck:
             return [unchecked(f"type {kind}", kind, "SciPy cannot follow the motion")]
         if kind == "GR":
             distance = _least_contact(self.found)
-            return [compared("least distance from a contact without speed", 0.0, distance, _TOUCHES)]
-        return multiplier_condition(self.found.multipliers, kind, multiplicity)
+            allowed = _TOUCHES + self.found.loose
+            return [compared("least distance from a contact without speed", 0.0, distance, allowed)]
+        known = self.found.uncertain if self.orbit.tolerance > FINEST else np.zeros_like(self.found.uncertain)
+        return multiplier_condition(self.found.multipliers, kind, multiplicity, float(known.max(initial=0.0)))
 
 
 def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
@@ -122,6 +130,7 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
     sizes = _sizes(orbit)
     form, count = orbit.form, len(orbit.durations)
     pieces, gaps, growth, steps = [], [], [], []
+    slowest = 1.0  # unit of an event function over its change in a period at the rate at which it is met
     calls, parts = Calls(reference, stiff), max(1, round(_PARTS / count))
     for i in range(count):
         mode, transition, kind = form.modes[i], form.transitions[i], form.kinds[i]
@@ -129,7 +138,10 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
         end, own = piece.end, list(piece.slopes)
         if kind in (EVENT_END, MEAN_END):
             gradient = reference.event_slope(transition, end)
-            landing = projection(reference.field(mode, end), gradient)
+            rate = reference.field(mode, end)
+            landing = projection(rate, gradient)
+            met = abs(float(gradient @ rate)) * orbit.period
+            slowest = max(slowest, float(np.abs(gradient) @ sizes) / met if met > 0.0 else math.inf)
             after = reference.reset_slope(transition, end)
             own[-1] = after @ landing @ own[-1]
             end = reference.reset(transition, end)
@@ -137,10 +149,13 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
         growth.append(growth_on_the_way(own, sizes))
         steps += own
         pieces.append(piece)
+    error = followed(orbit.tolerance)
     across = _across(orbit, reference, end, sizes)
-    values, uncertain = spectrum([*steps, across], sizes, dropped=1)
+    values, uncertain = spectrum(
+        [*steps, across], sizes, dropped=1, error=error * slowest, zeros=error > followed(FINEST)
+    )
     return FollowedOrbit(
-        reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain
+        reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain, error
     )  # fmt: skip
 
 
@@ -175,7 +190,7 @@ def _across(
 
 def _closing(orbit: PeriodicOrbit, found: FollowedOrbit) -> Row:
     gaps = np.abs(found.gaps) / found.sizes
-    allowed = _GAP + _GROWN * found.growth
+    allowed = _GAP + found.error * found.growth
     i = int(np.argmax(gaps.max(axis=1) / allowed))
     return compared(f"gap behind segment {i}", 0.0, float(gaps[i].max()), float(allowed[i]))
 
@@ -192,7 +207,7 @@ def _durations(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
         h = float(reference.event(transition, piece.end[:, None])[0])
         unit = float(np.abs(gradient) @ found.sizes) or 1.0
         name = orbit.system.transition_names[transition]
-        allowed = _TIME + _GROWN * found.growth[i]
+        allowed = _TIME + found.error * found.growth[i]
         if abs(rate) * orbit.period < _SLOW * unit:
             rows.append(compared(f"event {name}", 0.0, h / unit, allowed))
         else:
@@ -229,7 +244,7 @@ def _extremes(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
         size = max(abs(orbit.lows[q]), abs(orbit.highs[q]))
         if name == phase or not math.isfinite(size):
             continue
-        allowed = _EXTREME * size + 1e-14 * float(found.sizes.max())
+        allowed = (_EXTREME + found.loose) * size + 1e-14 * float(found.sizes.max())
         rows.append(compared(f"min {name}", float(orbit.lows[q]), float(lows[q]), allowed))
         rows.append(compared(f"max {name}", float(orbit.highs[q]), float(highs[q]), allowed))
     return rows
@@ -240,11 +255,12 @@ def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
     reference, form = found.reference, orbit.form
     reasons = [f"duration {i}" for i, duration in enumerate(orbit.durations) if not duration > 0.0]
     for i, piece in enumerate(found.pieces):
+        late = (found.error - followed(FINEST)) * float(found.growth[i]) * orbit.period
         if not np.all(reference.domain(piece.mode, piece.states[:, 1:-1])):
             reasons.append(f"domain in segment {i}")
         for k in reference.ways_out(piece.mode):
             direction = orbit.system.transitions[k].direction
-            for time, rate, _ in contacts(reference, piece, k, found.sizes):
+            for time, rate, _ in contacts(reference, piece, k, found.sizes, late):
                 at = np.array([np.interp(time, piece.times, row) for row in piece.states])
                 if rate * direction >= 0.0 and reference.allows(k, at[:, None])[0]:
                     reasons.append(f"event {k} in segment {i}")

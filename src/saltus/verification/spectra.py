@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.scales import FINEST, SENSITIVITIES, followed
 from saltus.verification.table import Row, compared, unchecked
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["growth_on_the_way", "has_multiplier_condition", "matched", "multiplier_condition", "spectrum"]
 
-_ERROR = 1e-11  # relative error of matrices that come from an integration
 _DIGITS = 60  # of the arithmetic in which a product and its eigenvalues are computed
 _SPREAD = 1e5  # ratio of a product's norm to an eigenvalue from which on doubles lose digits
 _LEAST = 1e-9  # absolute accuracy that is asked of any multiplier
@@ -38,7 +38,13 @@ _TWICE = {
 
 
 def spectrum(
-    steps: Sequence[NDArray[np.float64]], sizes: NDArray[np.float64], dropped: int = 0, least: float = _LEAST
+    steps: Sequence[NDArray[np.float64]],
+    sizes: NDArray[np.float64],
+    dropped: int = 0,
+    least: float = _LEAST,
+    error: float | None = None,
+    *,
+    zeros: bool = False,
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Return the eigenvalues of a product of matrices, the largest modulus first, and how far each may be off.
 
@@ -52,6 +58,10 @@ def spectrum(
         How many eigenvalues are known to be 0 and left out.
     least : float
         Absolute accuracy that is asked of any eigenvalue.
+    error : float, optional
+        Relative error of the factors; by default that of an integration at the finest tolerance.
+    zeros : bool
+        Whether eigenvalues below the error of the whole product may have been taken for 0.
     """
     from scipy.linalg import eig
 
@@ -65,12 +75,16 @@ def spectrum(
     values, left, right = eig(product, left=True)
     values, norm = values.astype(np.complex128), float(np.linalg.norm(product, 2))
     condition = 1.0 / np.maximum(np.abs(np.sum(left.conj() * right, axis=0)), 1e-8)
-    level = _ERROR * growth_on_the_way(steps, sizes)  # what the factors' errors leave of an eigenvalue
+    error = followed(FINEST) if error is None else error
+    level = error * growth_on_the_way(steps, sizes)  # what the factors' errors leave of an eigenvalue
     if norm > _SPREAD * float(np.abs(values).min(initial=1.0)):
         precise = _many_digits(scaled)
         order = _order(precise, values)
         values, condition = precise, condition[order]
     uncertain = np.minimum(condition * level, np.sqrt(level * max(norm, 1.0))) + max(least, _ROUNDING * norm)
+    if zeros:
+        whole = functools.reduce(lambda before, step: step @ before, scaled[:-1])
+        uncertain += SENSITIVITIES * error * float(np.linalg.norm(whole, 2))
     order = np.argsort(-np.abs(values), kind="stable")[: values.size - dropped]
     return values[order], uncertain[order]
 
@@ -107,18 +121,23 @@ def has_multiplier_condition(kind: str) -> bool:
     return any(kind in known for known in (_AT_ONE, _ON_CIRCLE, _AT_ANGLES, _TWICE))
 
 
-def multiplier_condition(values: NDArray[np.complex128], kind: str, multiplicity: int = 1) -> list[Row]:
-    """Return the check that multipliers lie at the place that a type of special points has."""
+def multiplier_condition(
+    values: NDArray[np.complex128], kind: str, multiplicity: int = 1, loose: float = 0.0
+) -> list[Row]:
+    """Return the check that multipliers lie at the place that a type of special points has.
+
+    loose: error of the multipliers besides that of an orbit of the finest tolerance.
+    """
     if kind in _TWICE:
         one, other = _TWICE[kind]
         if one != other:
-            return [*multiplier_condition(values, one), *multiplier_condition(values, other)]
+            return [row for kind in (one, other) for row in multiplier_condition(values, kind, 1, loose)]
         if one in _AT_ONE:
-            return multiplier_condition(values, one, 2)
+            return multiplier_condition(values, one, 2, loose)
         pairs = np.sort(np.abs(np.abs(values[values.imag > 0.0]) - 1.0))
         found = float(pairs[1]) if pairs.size > 1 else math.nan
-        return [compared("two critical pairs, from the unit circle", 0.0, found, 1e-6)]
-    allowed = 1e-6 if multiplicity == 1 else 1e-3
+        return [compared("two critical pairs, from the unit circle", 0.0, found, 1e-6 + loose)]
+    allowed = (1e-6 if multiplicity == 1 else 1e-3) + loose
     name = "critical multiplier" if multiplicity == 1 else f"critical multipliers, {multiplicity} of them"
     if kind in _AT_ONE:
         distance = np.sort(np.abs(values - _AT_ONE[kind]))
@@ -131,8 +150,8 @@ def multiplier_condition(values: NDArray[np.complex128], kind: str, multiplicity
     if kind in _AT_ANGLES:
         angle = _AT_ANGLES[kind]
         place = complex(math.cos(angle), math.sin(angle))
-        loose = 1e-3 if kind in ("R1", "R2") else 1e-5  # a double multiplier has half the digits
-        return [compared(f"{name}, from that of {kind}", 0.0, float(np.abs(values - place).min()), loose)]
+        digits = 1e-3 if kind in ("R1", "R2") else 1e-5  # a double multiplier has half the digits
+        return [compared(f"{name}, from that of {kind}", 0.0, float(np.abs(values - place).min()), digits + loose)]
     return [unchecked(f"type {kind}", kind, "no independent condition")]
 
 

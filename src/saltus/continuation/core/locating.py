@@ -24,6 +24,7 @@ _STALLED = 1e-7  # the same where rounding keeps Newton steps from shrinking fur
 _ROOTED = 8  # places tried from which on the function is taken for a root of the distance from its zero
 _LONG = 6  # points corrected from which on the last two predict the next one, not the last alone
 _HALVED = 16  # the same, from which on the bracket is halved
+_FARTHER = 1e3  # how much farther a zero may move than the point at which it was sought
 _ASIDE = 1e-6  # share of a step between two places, up to which they tell the same of the branch
 _EXACT = 1e-11  # monitor function, over its values at the step's ends, that counts as zero
 
@@ -177,9 +178,11 @@ def locate(
         if settled and (abs(f) <= floor or high - low < 1e-12):
             before = point.u.copy()
             point.examined = problem.examine(point, None)
-            if np.all(np.abs(before - point.u) <= 1e-12 * scale):
+            moved = float(np.max(np.abs(before - point.u) / scale))
+            if moved <= 1e-12:
                 return Event(name, point, f)
-            low, high, known = max(0.0, s - 1e-3), min(1.0, s + 1e-3), [(0.0, fa), (1.0, fb)]
+            aside = max(1e-3, _FARTHER * moved / length)  # solved more exactly, the zero lies elsewhere
+            low, high, known = max(0.0, s - aside), min(1.0, s + aside), [(0.0, fa), (1.0, fb)]
             continue
         if not settled and abs(f) < 1e3 * size:
             continue

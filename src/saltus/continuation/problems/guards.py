@@ -17,7 +17,8 @@ from saltus.continuation.core.zero_problem import Point
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.critical import openness
-from saltus.orbits.stability.floquet import Passage, multiplier_errors, nontrivial
+from saltus.orbits.stability.floquet import Passage, multiplier_errors, multipliers, nontrivial, undecided
+from saltus.scales import FINEST, split
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,14 +28,15 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
 
 __all__ = [
-    "CROSSINGS", "HALVES", "INFINITE", "RESIDUAL", "SHORT",
-    "goes_twice", "residual_fault", "rests", "step_fault", "unconfirmed", "undetermined",
+    "CROSSINGS", "HALVES", "INFINITE", "RESIDUAL", "ROUGH_GRAZING", "SHORT",
+    "goes_twice", "residual_fault", "rests", "step_fault", "tightened", "unconfirmed", "undetermined",
 ]  # fmt: skip
 
 RESIDUAL = 1e-8  # largest residual of an orbit that is kept, over the sizes of states and events
 INFINITE = 1e10  # modulus from which on a multiplier counts as infinite: the orbit is at a grazing
 CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
 HALVES = "halves: the orbit goes round a shorter one twice, and no branch point explains it"
+ROUGH_GRAZING = "location: what lies behind the grazing cannot be told at the tolerance"
 SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
 _STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
 _SAME = 1e-8  # difference of an orbit's halves, over the states' sizes, up to which they are one
@@ -74,6 +76,22 @@ def goes_twice(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) ->
     if CUT_END in problem.signature.kinds:
         return False
     return divided(problem, u, 2, _SAME * problem.state_scale, survey) is not None
+
+
+def tightened(
+    problem: OrbitProblem, survey: Survey, u: NDArray[np.float64], J: NDArray[np.float64], *, neutral: bool
+) -> bool:
+    """Return whether the finest tolerance was just taken, since a looser one cannot tell what the orbit is.
+
+    It cannot where the two halves of an orbit are so near each other that errors part the branches that meet there, or
+    where multipliers may lie on either side of the unit circle. The orbit is to be solved again then.
+    """
+    if problem.tol <= FINEST:
+        return False
+    near = split(problem.tol) * np.maximum(survey.highs - survey.lows, 0.0)[: problem.n]
+    if CUT_END not in problem.signature.kinds and divided(problem, u, 2, near, survey) is not None:
+        return problem.tighten()
+    return not neutral and undecided(problem, u, J, multipliers(problem, u, J)) and problem.tighten()
 
 
 def undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:

@@ -23,11 +23,13 @@ from saltus.continuation.problems.guards import (
     CROSSINGS,
     HALVES,
     INFINITE,
+    ROUGH_GRAZING,
     SHORT,
     goes_twice,
     residual_fault,
     rests,
     step_fault,
+    tightened,
     unconfirmed,
 )
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
@@ -170,6 +172,10 @@ class OrbitZeroProblem:
         """Take the point's meshes and sizes; renew the phase plane of a cycle that has turned away from it."""
         if self._retries.leave(point):
             self._adjust(point.u)
+        if self._retries.rough(point) and solve_again(self, self.problem, point, point.u) is None:
+            again = self.examine(point, None)
+            point.examined = point.examined if again.data is None else again
+            self._retries.keep(point)
         if depart(self, self.problem, point.u, point):
             point.examined = replace(point.examined, monitors={**point.examined.monitors, **self._measured(point)})
 
@@ -227,8 +233,8 @@ class OrbitZeroProblem:
         if before is not None and (fault := astray(problem, point.u)) is not None:
             return Examined({}, fault)
         self._sharpen(point)
-        survey = problem.survey(point.u)
-        if survey.coarse:
+        survey, self._retries.solved = problem.survey(point.u), True
+        if survey.coarse or tightened(problem, survey, point.u, self.own(point.J), neutral=self.neutral):
             if (fault := solve_again(self, problem, point, point.u)) is not None:
                 return Examined({}, fault)
             survey = problem.survey(point.u)
@@ -244,7 +250,7 @@ class OrbitZeroProblem:
         way = self._follow(point, before, values)
         followed = way.followed
         unstable = unstable_count(values[: len(followed)], neutral=self.neutral)
-        data = OrbitData(survey, values, unstable, followed, twice=twice)
+        data = OrbitData(survey, values, unstable, followed, twice=twice, tolerance=problem.tol)
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
         still_ahead(monitors, survey, before)
@@ -364,6 +370,8 @@ class OrbitZeroProblem:
         not jump, the parameter turns like the square of the vanishing duration. Every determinant then has a zero,
         which is a shadow too. docs/theory/continuation.md, "Special points", explains both.
         """
+        if any(at_grazing(event.name) for event in events) and self.problem.tighten():
+            return ROUGH_GRAZING
         points = [event.point for event in events if event.name == _BP]
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
         kept = [e for e in events if e.name != _SN or not any(self._turned_by(point, e.point.arc) for point in points)]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from saltus.scales import FINEST
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -27,6 +29,7 @@ class OrbitData:
     # the same at a place nearby: the arclength to there, and the values, in any order
     beside: tuple[float, NDArray[np.complex128]] | None = None
     twice: bool = False  # whether the orbit goes round a shorter one twice
+    tolerance: float = FINEST  # relative tolerance of the flow that it was solved with
 
 
 @dataclass(frozen=True)

@@ -30,16 +30,30 @@ class Retries:
 
     def __init__(self, problem: OrbitProblem) -> None:
         self._problem = problem
+        self.solved = False  # whether the end of a step was examined since a point was left
+        self._doubtful = False  # whether a step from the point left last was rejected for what lies in it
         self._left: list[tuple[Point, Mapping[str, Any]]] = []
 
     def leave(self, point: Point) -> bool:
         """Take meshes and sizes back where a point is left again; return whether it is."""
+        self._doubtful, self.solved = self.solved, False
         for known, kept in self._left:
             if known is point:
                 self._problem.take(kept)
                 return True
+        self._doubtful = False
         self.keep(point)
         return False
+
+    def rough(self, point: Point) -> bool:
+        """Return whether a point just left is to be solved more exactly, since a looser tolerance cannot tell.
+
+        It cannot where a step was solved and then rejected for what lies in it.
+        """
+        if self._doubtful:
+            self._problem.tighten()
+        data = point.examined.data
+        return data is not None and data.tolerance > self._problem.tol
 
     def keep(self, point: Point) -> None:
         """Keep the meshes and sizes of this moment as those of a point."""

@@ -16,6 +16,7 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.flow.formulas import Observable, read_formula
 from saltus.flow.observables import angles, observe
 from saltus.orbits import PeriodicOrbit
+from saltus.orbits.exactness import solved
 from saltus.orbits.observables.observed import planned
 from saltus.orbits.observables.sampling import motion_of
 from saltus.orbits.observables.sensitivities import sensitivities
@@ -24,6 +25,7 @@ from saltus.orbits.problem import OrbitProblem, follow_from
 from saltus.orbits.signature import CUT_END, Signature
 from saltus.orbits.unfolding import Fixed
 from saltus.result import frozen
+from saltus.scales import FINEST
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -349,8 +351,12 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
     def _solved(self, index: int, active: Sequence[int] = ()) -> tuple[OrbitProblem, NDArray[np.float64]]:
         """Return the equations of one point's orbit, some parameters active, meshes made, and their solution."""
         p, form = self.system.parameter_vector(self._parameters_at(index)), self.forms[self.form[index]]
-        problem = OrbitProblem(self.system, form, p, active, np.ones(len(active)), self.tolerance)
         u = np.append(self.unknowns[index], p[list(active)])
-        states = len(self.system.states)
-        follow_from(problem, u, np.maximum(np.abs(self.lows), np.abs(self.highs))[:, :states].max(axis=0))
+        sizes = np.maximum(np.abs(self.lows), np.abs(self.highs))[:, : len(self.system.states)].max(axis=0)
+        # where the curve's tolerance could not tell, its points were computed at the finest one
+        for tol in sorted({min(self.tolerance, FINEST), self.tolerance}):
+            problem = OrbitProblem(self.system, form, p, active, np.ones(len(active)), tol)
+            follow_from(problem, u, sizes)
+            if tol == self.tolerance or solved(problem, u):
+                break
         return problem, u

@@ -21,7 +21,7 @@ from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.runs.two_sided import turned
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
-from saltus.orbits.signature import ON_BORDER, Survey
+from saltus.orbits.signature import ON_BORDER, Signature, Survey
 from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
@@ -76,10 +76,17 @@ def switched(found: Neighbour, problem: OrbitProblem, old: Point, equations: Equ
         Returns the equations of a signature near given unknowns.
     """
     sizes = _sizes_of_the_born(problem, found)
-    branch = equations(found.signature, found.u, sizes)
+
+    def begun(signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
+        branch = equations(signature, u, sizes)
+        if branch.problem.tighten():  # what lies beyond cannot be told at a looser tolerance
+            branch.problem.start(u)
+        return branch
+
+    branch = begun(found.signature, found.u)
     if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
         found = Neighbour(*once)
-        branch = equations(found.signature, found.u, sizes)
+        branch = begun(found.signature, found.u)
     try:
         point = start_point(branch, found.u)
     except ValueError as error:

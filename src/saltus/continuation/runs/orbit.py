@@ -116,7 +116,8 @@ class OrbitRun(OneParameterRun):
     def orbit_of(self, branch: OrbitZeroProblem, point: Point) -> PeriodicOrbit:
         """Return the orbit of a point."""
         data = point.examined.data
-        return orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
+        found = orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
+        return replace(found, tolerance=data.tolerance)
 
     def last(self, piece: OrbitZeroProblem, point: Point) -> Any:
         """See `Run.last`."""

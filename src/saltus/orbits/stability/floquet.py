@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus.orbits.cuts import piece_maps
 from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END
+from saltus.scales import FINEST, ROUGH, Verdict, zero
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,6 +28,7 @@ __all__ = [
     "multipliers",
     "nontrivial",
     "passage",
+    "undecided",
     "unstable_count",
 ]
 
@@ -120,6 +122,23 @@ def multiplier_errors(
     if problem.system.phase is None:
         errors[-1] = 0.0
     return errors
+
+
+def undecided(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], values: NDArray[np.complex128]
+) -> bool:
+    """Return whether multipliers are too inexact at a loose tolerance to be counted, or to be told on from there.
+
+    At the finest tolerance nothing can be computed more exactly, and the answer is no.
+    """
+    if problem.tol <= FINEST:
+        return False
+    inner = nontrivial(values, autonomous=problem.system.phase is None)
+    errors = multiplier_errors(problem, u, J, values)[: inner.size]
+    sizes = np.abs(inner)
+    if not np.all(errors <= ROUGH * np.maximum(sizes, 1.0)):
+        return True
+    return any(zero(size - 1.0, error) is not Verdict.NO for size, error in zip(sizes, errors, strict=True))
 
 
 def _across(P: NDArray[np.float64], flow: NDArray[np.float64], period: float) -> NDArray[np.complex128]:

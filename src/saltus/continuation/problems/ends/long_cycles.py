@@ -180,5 +180,5 @@ def _point(
     weights = piece.metric(u)
     point = Point(u, np.empty((0, 0)), np.zeros(u.size), weights, 1.0, 0.0, survey.residual)
     unstable = unstable_count(nontrivial(values, autonomous=True))
-    point.examined = Examined({}, None, OrbitData(survey, values, unstable))
+    point.examined = Examined({}, None, OrbitData(survey, values, unstable, tolerance=problem.tol))
     return piece, point

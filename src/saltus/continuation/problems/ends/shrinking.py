@@ -172,7 +172,8 @@ def at_rest(
     end.arc += float(np.linalg.norm(away))
     unstable = point.examined.data.unstable  # stability of the cycles that shrink to the point
     survey = piece.problem.survey(u)
-    end.examined = Examined({}, None, OrbitData(survey, values, unstable, tuple(values[:-1].tolist())))
+    followed, tol = tuple(values[:-1].tolist()), piece.problem.tol
+    end.examined = Examined({}, None, OrbitData(survey, values, unstable, followed, tolerance=tol))
     return piece, end
 
 
