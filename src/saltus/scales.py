@@ -26,6 +26,7 @@ __all__ = [
     "ROUNDED_ROUNDS",
     "ROUNDS_ALIKE",
     "SENSITIVITIES",
+    "SEPARATED",
     "STEPS_TOGETHER",
     "Scales",
     "Verdict",
@@ -38,6 +39,10 @@ __all__ = [
 
 # Spacing of doubles at 1: the relative rounding of one operation.
 EPS = float(np.finfo(float).eps)
+
+# Eigenvalue, over the largest, below which one decomposition of the whole matrix loses five of its digits, as its
+# error is the rounding of the largest: such a value is computed apart, and has a size of its own.
+SEPARATED = 1e-5
 
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.

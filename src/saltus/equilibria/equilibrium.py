@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -13,8 +14,9 @@ from saltus import checks
 from saltus.algebraic.solution import AlgebraicSolution, Packed
 from saltus.contents import Contents
 from saltus.equilibria.problem import EquilibriumProblem
-from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of, multiplicity
+from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of, multiplicity, sized_eigenvalues
 from saltus.result import frozen
+from saltus.scales import SEPARATED
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
 
@@ -26,7 +28,7 @@ __all__ = ["Equilibrium", "faults_of"]
 
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state lies on the surface
 _ASIDE = 1e-3  # change of a parameter, over its value, beside a point at which all eigenvalues may vanish
-_GROWS = 1e-6  # real part, over the largest modulus, above which a disturbance grows
+_GROWS = 1e-6  # real part, over the value's size, above which a disturbance grows
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,12 +105,22 @@ class Equilibrium(AlgebraicSolution):
     @property
     def stable(self) -> bool:
         """Whether all eigenvalues have negative real parts, beyond rounding."""
-        return bool(np.all(self.eigenvalues.real < -NEUTRAL * float(np.abs(self.eigenvalues).max(initial=0.0))))
+        return bool(np.all(self.eigenvalues.real < -NEUTRAL * self._sizes))
 
     @property
     def unstable(self) -> int:
         """Number of eigenvalues whose real part is positive, beyond rounding."""
-        return int(np.sum(self.eigenvalues.real > _GROWS * np.abs(self.eigenvalues).max()))
+        return int(np.sum(self.eigenvalues.real > _GROWS * self._sizes))
+
+    @cached_property
+    def _sizes(self) -> NDArray[np.float64]:
+        """Sizes of the eigenvalues, shape (states,): the largest modulus, or that of the terms of far slower ones."""
+        sizes = np.full(self.eigenvalues.size, float(np.abs(self.eigenvalues).max(initial=0.0)))
+        if float(np.abs(self.eigenvalues).min(initial=np.inf)) >= SEPARATED * sizes.max(initial=0.0):
+            return sizes
+        A = self.problem().evaluate(self.state)[1]
+        values, found = sized_eigenvalues(A) if np.all(np.isfinite(A)) else (self.eigenvalues, sizes)
+        return found if values.size == self.eigenvalues.size else sizes
 
     @property
     def begins_in(self) -> str:
@@ -137,12 +149,12 @@ class Equilibrium(AlgebraicSolution):
         aside = self.parameters[along] + _ASIDE * max(abs(self.parameters[along]), 1.0)
         J = self.problem(along).evaluate(np.append(x, aside))[1][:, :-1]
         unit = float(np.abs(np.linalg.eigvals(J)).max()) if np.all(np.isfinite(J)) else 0.0
-        return multiplicity(self.eigenvalues, type, unit)
+        return multiplicity(self.eigenvalues, type, unit, self._sizes)
 
     @property
     def kind(self) -> str:
         """The kind in words, as ``stable focus`` or ``saddle (1 unstable)``."""
-        return kind_of(self.eigenvalues)
+        return kind_of(self.eigenvalues, self._sizes)
 
     @property
     def unknowns(self) -> NDArray[np.float64]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.algebraic.products import combined, pairs
+from saltus.scales import SEPARATED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -14,30 +16,109 @@ if TYPE_CHECKING:
 __all__ = [
     "FAINT",
     "NEUTRAL",
+    "bands",
     "eigenvalues",
     "kind_of",
     "multiplicity",
     "pair_product",
+    "sized_eigenvalues",
     "unstable_count",
 ]
 
-NEUTRAL = 1e-9  # real part of an eigenvalue, over the largest modulus, up to which it is rounding of 0
-_CRITICAL = 1e-6  # distance from the imaginary axis, over the largest modulus, up to which an eigenvalue is on it
+NEUTRAL = 1e-9  # real part of an eigenvalue, over its size, up to which it is rounding of 0
+_CRITICAL = 1e-6  # distance from the imaginary axis, over its size, up to which an eigenvalue is on it
 FAINT = 1e-13  # sum of two eigenvalues, over their moduli, up to which it is rounding
+_GAP = 30.0  # ratio of two neighbouring moduli from which on the slower values are first looked for behind it
+_LEAST_GAP = 3.0  # least such ratio
+_APART = 0.1  # terms of the slower values, over the least of the faster ones, up to which they are computed apart
 
 
 def eigenvalues(A: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the eigenvalues of a matrix, the largest real part first, of a pair the positive imaginary part first."""
+    return sized_eigenvalues(A)[0]
+
+
+def sized_eigenvalues(A: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Return `eigenvalues` and the size of each, shape (n,) each.
+
+    An eigenvalue is a sum of terms, ``y A x`` with its left and right vectors: the size is that of the terms. Where no
+    values are far slower than others it is the largest modulus, for all of them. docs/theory/equilibria.md, "Values of
+    different sizes", explains why slow values have an own one, and how they are computed.
+    """
     values = np.linalg.eigvals(A).astype(np.complex128)
-    return np.asarray(values[np.lexsort((-values.imag, -values.real))])
+    top = float(np.abs(values).max(initial=0.0))
+    sizes = np.full(values.size, top)
+    if float(np.abs(values).min(initial=math.inf)) < SEPARATED * top:
+        found = _by_speed(_balanced(A), top)
+        if len(found) > 1:
+            values = np.concatenate([own for own, _ in found])
+            sizes = np.concatenate([np.full(own.size, size) for own, size in found])
+    order = np.lexsort((-values.imag, -values.real))
+    return np.asarray(values[order]), sizes[order]
 
 
-def unstable_count(values: NDArray[np.complex128]) -> int:
-    """Return the number of eigenvalues with positive real part, those at 0 but for rounding left out."""
-    return int(np.sum(values.real > NEUTRAL * float(np.abs(values).max(initial=0.0))))
+def _by_speed(A: NDArray[np.float64], size: float) -> list[tuple[NDArray[np.complex128], float]]:
+    """Return the eigenvalues of a balanced matrix in sets of one size, the fastest first."""
+    values = np.linalg.eigvals(A).astype(np.complex128)
+    order = np.argsort(-np.abs(values), kind="stable")
+    moduli = np.abs(values[order])
+    if moduli.size < 2 or moduli[-1] >= SEPARATED * moduli[0]:
+        return [(values, size)]
+    ratios = moduli[:-1] / np.maximum(moduli[1:], 1e-300)
+    wide = np.flatnonzero(ratios >= _GAP)
+    for k in (wide if wide.size else np.flatnonzero(ratios == ratios.max())).tolist():
+        if ratios[k] >= _LEAST_GAP and (slow := _slow_part(A, float(moduli[k]), float(moduli[k + 1]))) is not None:
+            return [(values[order[: k + 1]], size), *_by_speed(slow[0], min(size, slow[1]))]
+    return [(values, size)]
 
 
-def multiplicity(values: NDArray[np.complex128], kind: str, unit: float = 0.0) -> int:
+def _slow_part(A: NDArray[np.float64], fast: float, slow: float) -> tuple[NDArray[np.float64], float] | None:
+    """Return a balanced matrix of the slow values alone, and the size of its terms; None where they are not apart.
+
+    Right and left invariant subspaces of the slow values have an error of rounding alone, since the fast ones are far
+    away. The matrix between them has the square of this error, and the rounding of its own terms.
+    """
+    from scipy.linalg import schur, solve_sylvester
+
+    between = math.sqrt(fast * slow)
+    T, Q, m = schur(A, sort=lambda x, y=0.0: abs(complex(x) + 1j * y) < between)
+    right, rest = Q[:, :m], Q[:, m:]
+    left = right.T + solve_sylvester(T[:m, :m], -T[m:, m:], T[:m, m:]) @ rest.T
+    terms = np.abs(left) @ np.abs(A) @ np.abs(right)
+    size = float(np.abs(np.linalg.eigvals(terms)).max(initial=0.0))
+    if m == 0 or not size < _APART * fast:
+        return None
+    return _balanced(left @ A @ right), size
+
+
+def _balanced(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a similar matrix whose rows and columns are of like sizes, whatever the units of the states."""
+    from scipy.linalg.lapack import dgebal
+
+    return np.asarray(dgebal(A, scale=1, permute=1)[0])
+
+
+def bands(values: NDArray[np.complex128], sizes: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
+    """Return values in sets of one size, the largest size first."""
+    return [values[sizes == size] for size in np.unique(sizes)[::-1]]
+
+
+def unstable_count(values: NDArray[np.complex128], sizes: NDArray[np.float64] | None = None) -> int:
+    """Return the number of eigenvalues with positive real part, those at 0 but for rounding left out.
+
+    The size of each is the largest modulus by default.
+    """
+    return int(np.sum(values.real > NEUTRAL * _sizes(values, sizes)))
+
+
+def _sizes(values: NDArray[np.complex128], sizes: NDArray[np.float64] | None) -> NDArray[np.float64] | float:
+    """Return the sizes of eigenvalues, by default the largest modulus."""
+    return float(np.abs(values).max(initial=0.0)) if sizes is None else sizes
+
+
+def multiplicity(
+    values: NDArray[np.complex128], kind: str, unit: float = 0.0, sizes: NDArray[np.float64] | None = None
+) -> int:
     """Return how many eigenvalues (SN, BP) or pairs (HB) are critical at once; at least 1.
 
     Parameters
@@ -48,23 +129,27 @@ def multiplicity(values: NDArray[np.complex128], kind: str, unit: float = 0.0) -
         Type of the point; 1 for all others.
     unit : float
         Modulus of eigenvalues elsewhere, where all of them may vanish at the point.
+    sizes : ndarray, optional
+        Sizes of the eigenvalues, where these differ.
     """
-    top = float(np.abs(values).max(initial=unit))
+    top = _sizes(values, sizes)
+    if sizes is None or np.all(sizes == sizes[0]):
+        top = float(np.abs(values).max(initial=unit))
     if kind == "HB":
         return max(int(np.sum((np.abs(values.real) <= _CRITICAL * top) & (values.imag > _CRITICAL * top))), 1)
     return max(int(np.sum(np.abs(values) <= _CRITICAL * top)), 1) if kind in ("SN", "BP") else 1
 
 
-def kind_of(values: NDArray[np.complex128]) -> str:
+def kind_of(values: NDArray[np.complex128], sizes: NDArray[np.float64] | None = None) -> str:
     """Return the kind of an equilibrium in words, as ``stable focus`` or ``saddle (1 unstable)``."""
-    top = float(np.abs(values).max(initial=0.0))
-    if np.any(np.abs(values.real) <= NEUTRAL * top):
+    rounding = np.broadcast_to(NEUTRAL * _sizes(values, sizes), values.shape)
+    if np.any(np.abs(values.real) <= rounding):
         return "not hyperbolic"
-    unstable = unstable_count(values)
+    unstable = unstable_count(values, sizes)
     if 0 < unstable < values.size:
         return f"saddle ({unstable} unstable)"
-    leading = values[np.argmin(np.abs(values.real))]
-    shape = "focus" if abs(leading.imag) > NEUTRAL * top else "node"
+    leading = np.argmin(np.abs(values.real))
+    shape = "focus" if abs(values[leading].imag) > rounding[leading] else "node"
     return f"{'stable' if unstable == 0 else 'unstable'} {shape}"
 
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -20,8 +21,9 @@ from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
 from saltus.continuation.problems.extents import in_lockstep
+from saltus.continuation.problems.point_data import PointData, has_pair, searched_by_size
 from saltus.continuation.problems.watching import slope
-from saltus.equilibria.spectrum import FAINT, eigenvalues, multiplicity, pair_product, unstable_count
+from saltus.equilibria.spectrum import FAINT, multiplicity, pair_product, sized_eigenvalues, unstable_count
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
@@ -29,8 +31,9 @@ if TYPE_CHECKING:
 
     from saltus.continuation.core.arclength import StepControl
     from saltus.continuation.core.interest import Interest
+    from saltus.continuation.problems.point_data import Sized
 
-__all__ = ["AlgebraicZeroProblem", "PointData", "closes"]
+__all__ = ["AlgebraicZeroProblem", "closes"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -54,21 +57,6 @@ _CLEAR = 1e-6  # growth of a value, over the largest, from which on its sign is 
 _ROUNDED = 1e-9  # growth up to which it is rounding
 _RESOLVED = 1e-7  # growth from which on its sign is known
 _SEVERAL = "events: values become critical at more than one place within the step"
-
-
-@dataclass(frozen=True)
-class PointData:
-    """Data of a point."""
-
-    values: NDArray[np.complex128]  # eigenvalues
-    unstable: int  # number of unstable ones
-    reasons: tuple[str, ...] = ()  # why the solution is virtual
-    behind: tuple[float, NDArray[np.complex128]] | None = None  # arclength from the point before, and its values
-
-    @property
-    def stable(self) -> bool:
-        """Whether all eigenvalues have negative real parts."""
-        return self.unstable == 0 and bool(np.all(self.values.real < 0.0))
 
 
 class AlgebraicZeroProblem:
@@ -111,8 +99,8 @@ class AlgebraicZeroProblem:
 
     def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> PointData:
         """Return the data of a point."""
-        values = eigenvalues(J[:, : self.n])
-        return PointData(values, unstable_count(values), self.reasons(u))
+        values, sizes = sized_eigenvalues(J[:, : self.n])
+        return PointData(values, unstable_count(values, sizes), sizes, self.reasons(u))
 
     def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
         """Return the monitor functions that only this kind of solution has."""
@@ -136,7 +124,7 @@ class AlgebraicZeroProblem:
 
     def is_pair(self, values: NDArray[np.complex128]) -> bool:
         """Return whether the pair that is critical where `paired` vanishes is a complex one."""
-        return _has_pair(values)
+        return has_pair(values)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the equations and their derivatives."""
@@ -160,22 +148,29 @@ class AlgebraicZeroProblem:
         """Return typical sizes of the unknowns."""
         return np.append(self.sizes, 1.0)
 
+    def sized(self, u: NDArray[np.float64]) -> Sized:
+        """Return eigenvalues or multipliers, with their sizes; NaN where the Jacobian is not finite."""
+        A = self.problem.evaluate(u)[1][:, : self.n]
+        if not np.all(np.isfinite(A)):
+            return np.full(self.n, math.nan + 0j), np.ones(self.n)
+        return sized_eigenvalues(A)
+
     def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return eigenvalues or multipliers; NaN where the Jacobian is not finite."""
-        A = self.problem.evaluate(u)[1][:, : self.n]
-        return eigenvalues(A) if np.all(np.isfinite(A)) else np.full(self.n, math.nan + 0j)
+        return self.sized(u)[0]
 
     def spectra(self, places: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return eigenvalues or multipliers at many places, in any order, shape (places, n)."""
         return np.array([self.spectrum(u) for u in places])
 
-    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def growth(self, values: NDArray[np.complex128], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return for each value how fast its direction grows, 0 where it is critical.
 
-        It is the real part, over the largest modulus at the start.
+        It is the real part, over the largest modulus at the start, or over the size of a value that is far slower.
         """
         self._unit = self._unit or float(np.abs(values).max(initial=0.0))
-        return np.asarray(values.real / (self._unit or 1.0))
+        slow = sizes < sizes.max(initial=0.0)
+        return np.asarray(values.real / np.where(slow, sizes, self._unit or 1.0))
 
     def in_units(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return values in units of the largest modulus at the start."""
@@ -185,9 +180,9 @@ class AlgebraicZeroProblem:
         """Return functions of values that meet, which vanish where these become critical."""
         return border_tests(values)
 
-    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
+    def multiplicity(self, data: PointData, kind: str) -> int:
         """Return how many values or pairs are critical at once at a point of a type."""
-        return multiplicity(values, kind, _SHARE * self._unit)
+        return multiplicity(data.values, kind, _SHARE * self._unit, data.sizes)
 
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return monitors, data and fault of a point."""
@@ -198,7 +193,8 @@ class AlgebraicZeroProblem:
             return Examined({}, f"residual: {self.vanishing}")
         data = self.data(u, point.J)
         if before is not None and before.examined.data is not None:
-            data = replace(data, behind=(point.arc - before.arc, before.examined.data.values))
+            old: PointData = before.examined.data
+            data = replace(data, behind=(point.arc - before.arc, (old.values, old.sizes)))
         monitors = {name: self.monitor(name, point) for name in (_LOW, _HIGH, _SN, _BP)}
         monitors |= self.own_monitors(point, data.values)
         for i, (_, _, value) in enumerate(self.interest.events):
@@ -213,7 +209,7 @@ class AlgebraicZeroProblem:
         if before is None:
             return Examined(monitors, None, data)
         self._crossed = None
-        return Examined(monitors, self._fault(point, before, monitors, data), data, self._twins(data.values))
+        return Examined(monitors, self._fault(point, before, monitors, data), data, self._twins(data))
 
     def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
         """Return many points at once, as far as nothing happens, and the length of the step behind the last one."""
@@ -234,7 +230,7 @@ class AlgebraicZeroProblem:
         if kind == "EX":
             return slope(lambda u: self.observed(name.segment, replace(point, u=u)), point.u, point.tangent)
         if name in (_ZEROS, _FLIPS, _PAIRS):
-            return float(np.sort(self.growth(self.spectrum(point.u)))[::-1][self._rank])
+            return float(np.sort(self.growth(*self.sized(point.u)))[::-1][self._rank])
         if kind != "event":
             return self.own_monitor(name, point)
         _, what, value = self.interest.events[name.segment]
@@ -292,7 +288,7 @@ class AlgebraicZeroProblem:
         for event in events:
             kind = self.type_of(event.name)
             if kind in self.single or kind == self.paired.kind:
-                count = self.multiplicity(event.point.examined.data.values, kind)
+                count = self.multiplicity(event.point.examined.data, kind)
                 free |= count > 1
                 # on the branch that turns at a BP, or where several cross, the number may change by less
                 ways = range(-count, count + 1) if free else (-count, count)
@@ -312,11 +308,11 @@ class AlgebraicZeroProblem:
         """
         known, last = {self._counts[0]}, self._counts[1]
         for event in sorted(events, key=lambda event: event.point.arc):
-            kind, values = self.type_of(event.name), event.point.examined.data.values
+            kind, data = self.type_of(event.name), event.point.examined.data
             if kind not in self.single and kind != self.paired.kind:
                 continue
-            count = self.multiplicity(values, kind) * (2 if kind == self.paired.kind else 1)
-            growth = self.growth(values)
+            count = self.multiplicity(data, kind) * (2 if kind == self.paired.kind else 1)
+            growth = self.growth(data.values, data.sizes)
             others = growth[np.argsort(np.abs(growth), kind="stable")[count:]]
             if np.any(np.abs(others) < _CLEAR * np.abs(growth).max(initial=0.0)):
                 return True
@@ -344,13 +340,13 @@ class AlgebraicZeroProblem:
         if before.examined.data is None:
             return None if short else before.examined.fault
         old: PointData = before.examined.data
-        ends = np.sort(self.growth(old.values)), np.sort(self.growth(data.values))
+        ends = np.sort(self.growth(old.values, old.sizes)), np.sort(self.growth(data.values, data.sizes))
         near = bool(np.any(((ends[0] < 0.0) != (ends[1] < 0.0)) & (np.abs(ends).min(axis=0) > _RESOLVED)))
-        if not short and self._several_critical(before, point, data.values):
+        if not short and self._several_critical(before, point, data):
             return _SEVERAL
         rounded = ((ends[0] > 0.0) != (ends[1] > 0.0)) & (np.maximum(np.abs(ends[0]), np.abs(ends[1])) < _ROUNDED)
         crossed = max(abs(data.unstable - old.unstable) - int(rounded.sum()), 0)
-        apart = self._crossed_apart(old.values, data.values) if near or changed else ()
+        apart = self._crossed_apart(old, data) if near or changed else ()
         real = sum(kind in changed for kind in self.single)
         if any(math.isnan(table.get(self.paired, 0.0)) for table in (known, monitors)):  # a centre
             return _UNEXPLAINED if crossed > real + 2 and not short else None
@@ -362,26 +358,30 @@ class AlgebraicZeroProblem:
             self._watch(before, monitors, data, needed=crossed > real + 2 * (self.paired.kind in changed))
         return None
 
-    def _crossed_apart(self, before: NDArray[np.complex128], after: NDArray[np.complex128]) -> tuple[int, ...]:
+    def _crossed_apart(self, before: PointData, after: PointData) -> tuple[int, ...]:
         """Return by how many unstable real values and unstable pairs differ; nothing where real ones become pairs."""
         found = []
-        for values in (before, after):
-            paired = np.abs(values.imag) > _EQUAL * np.abs(values)
-            grows = self.growth(values) > _ROUNDED
+        for data in (before, after):
+            paired = np.abs(data.values.imag) > _EQUAL * np.abs(data.values)
+            grows = self.growth(data.values, data.sizes) > _ROUNDED
             found.append((int(paired.sum()), int((grows & ~paired).sum()), int((grows & paired).sum()) // 2))
         (pairs, *first), (others, *second) = found
         return tuple(abs(b - a) for a, b in zip(first, second, strict=True)) if pairs == others else ()
 
-    def _several_critical(self, a: Point, b: Point, values: NDArray[np.complex128]) -> bool:
+    def _several_critical(self, a: Point, b: Point, data: PointData) -> bool:
         """Return whether values may become critical at several places within a step."""
         length, old = b.arc - a.arc, a.examined.data
+        along = partial(hermite, a, b, length)
+        back, before = old.behind or (length, None)
+        known = [*([before] if before else []), (old.values, old.sizes), (data.values, data.sizes)]
+        if any(np.ptp(sizes) > 0.0 for _, sizes in known):
+            unit, sized = self._unit or 1.0, lambda share: self.sized(along(share))
+            return searched_by_size(sized, known, (back, length), self.tests, unit) is not False
 
         def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
-            return self.in_units(self.spectra(hermite(a, b, length, shares[:, None])))
+            return self.in_units(self.spectra(along(shares[:, None])))
 
-        back, before = old.behind or (length, None)
-        rows = [self.in_units(row) for row in (before, old.values, values) if row is not None]
-        return searched(spectra, rows, (back, length), self.tests) is not False
+        return searched(spectra, [self.in_units(row) for row, _ in known], (back, length), self.tests) is not False
 
     def _watched(self, value: complex) -> Monitor:
         """Return the monitor function of a value that becomes critical."""
@@ -389,9 +389,9 @@ class AlgebraicZeroProblem:
             return _PAIRS
         return _FLIPS if "PD" in self.single and value.real < 0.0 else _ZEROS
 
-    def _twins(self, values: NDArray[np.complex128]) -> frozenset[Monitor]:
+    def _twins(self, data: PointData) -> frozenset[Monitor]:
         """Return the test functions that have double zeros as the values nearest to being critical are equal."""
-        growth = np.abs(self.growth(values))
+        values, growth = data.values, np.abs(self.growth(data.values, data.sizes))
         order = np.argsort(growth)
         name = self._watched(complex(values[order[0]])) if order.size else _ZEROS
         count = 4 if name == _PAIRS else 2
@@ -408,10 +408,10 @@ class AlgebraicZeroProblem:
         old: PointData = before.examined.data
         self._rank = min(old.unstable, data.unstable) + abs(data.unstable - old.unstable) // 2
         ends = []
-        for values in (old.values, data.values):
-            growth = self.growth(values)
+        for own in (old, data):
+            growth = self.growth(own.values, own.sizes)
             at = np.argsort(-growth, kind="stable")[self._rank]
-            ends.append((float(growth[at]), complex(values[at])))
+            ends.append((float(growth[at]), complex(own.values[at])))
         name = self._watched(min(ends, key=lambda end: abs(end[0]))[1])
         if name == _PAIRS and not needed:
             return
@@ -437,14 +437,3 @@ def closes(origin: Point, last: Point, new: Point, control: StepControl, circles
     if not (aside < 20.0 * control.deviation and aside < 0.5 * math.sqrt(length)):
         return None
     return replace(origin, u=last.u + away) if circles.size else origin
-
-
-def _has_pair(values: NDArray[np.complex128]) -> bool:
-    """Return whether the two eigenvalues whose sum is least, over their moduli, are a complex pair."""
-    best, pair = math.inf, False
-    for i in range(values.size):
-        for j in range(i + 1, values.size):
-            share = abs(values[i] + values[j]) / max(abs(values[i]) + abs(values[j]), 1e-300)
-            if share < best:
-                best, pair = share, abs(values[i].imag) > 0.0 and abs(values[j].imag) > 0.0
-    return pair

@@ -15,13 +15,15 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.point_types import on_branches
 from saltus.continuation.core.value_tests import Tested, bounded, circle_tests
 from saltus.continuation.core.zero_problem import Point
-from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, PointData
+from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
+from saltus.continuation.problems.point_data import PointData
 from saltus.maps.orbit import faults_of
 from saltus.maps.spectrum import FAINT, flip_product, multiplicity, multipliers_of, pair_product, unstable_count
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.continuation.problems.point_data import Sized
     from saltus.maps.problem import MapOrbitProblem
 
 __all__ = ["MapBranchData", "MapZeroProblem", "grows_without_bound"]
@@ -58,7 +60,8 @@ class MapZeroProblem(AlgebraicZeroProblem):
     def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> MapBranchData:
         """See `AlgebraicZeroProblem.data`."""
         values = multipliers_of(self.problem.slopes(u)[1])
-        return MapBranchData(values, unstable_count(values), tuple(faults_of(self.problem, u, self.sizes)))
+        reasons = tuple(faults_of(self.problem, u, self.sizes))
+        return MapBranchData(values, unstable_count(values), np.ones(values.size), reasons)
 
     def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
         """See `AlgebraicZeroProblem.own_monitors`."""
@@ -82,14 +85,15 @@ class MapZeroProblem(AlgebraicZeroProblem):
         values = self.spectrum(point.u)
         return flip_product(values) if name.kind == "PD" else pair_product(values)
 
-    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """See `AlgebraicZeroProblem.spectrum`."""
-        return multipliers_of(self.problem.slopes(u)[1])
+    def sized(self, u: NDArray[np.float64]) -> Sized:
+        """See `AlgebraicZeroProblem.sized`: multipliers have no units."""
+        values = multipliers_of(self.problem.slopes(u)[1])
+        return values, np.ones(values.size)
 
-    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def growth(self, values: NDArray[np.complex128], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
         """See `AlgebraicZeroProblem.growth`: distances from the unit circle, those of large multipliers at most 1."""
-        sizes = np.abs(values)
-        return np.where(np.isfinite(sizes), (sizes - 1.0) / (sizes + 1.0), 1.0)
+        moduli = np.abs(values)
+        return np.where(np.isfinite(moduli), (moduli - 1.0) / (moduli + 1.0), 1.0)
 
     def in_units(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `AlgebraicZeroProblem.in_units`: multipliers have no units."""
@@ -99,9 +103,9 @@ class MapZeroProblem(AlgebraicZeroProblem):
         """See `AlgebraicZeroProblem.tests`."""
         return circle_tests(values)
 
-    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
+    def multiplicity(self, data: PointData, kind: str) -> int:
         """See `AlgebraicZeroProblem.multiplicity`."""
-        return multiplicity(values, kind)
+        return multiplicity(data.values, kind)
 
     def is_pair(self, values: NDArray[np.complex128]) -> bool:
         """See `AlgebraicZeroProblem.is_pair`."""

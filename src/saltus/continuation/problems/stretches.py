@@ -17,8 +17,9 @@ from saltus.continuation.core.value_tests import border_tests
 from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import Examined, Point, cubic
-from saltus.continuation.problems.algebraic import PointData
-from saltus.equilibria.spectrum import FAINT, NEUTRAL
+from saltus.continuation.problems.point_data import PointData
+from saltus.equilibria.spectrum import FAINT, NEUTRAL, sized_eigenvalues
+from saltus.scales import SEPARATED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -92,7 +93,7 @@ class Stretch:
         self.numbers = numbers[: self.taken]
         away = np.abs(self._points[: self.taken, 0, :n] - origin)
         self.sizes = np.maximum.accumulate(np.vstack([sizes, away]), axis=0)[1:]
-        self.values, self.unstable = _spectra(self._jacobians[: self.taken, :, :n])
+        self.values, self.unstable, self.top = _spectra(self._jacobians[: self.taken, :, :n])
 
     def quiet(self, before: Point, point: Point, log: float, names: tuple[Monitor, ...]) -> int:
         """Return how many of the points follow each other without any event, as far as can be told.
@@ -120,7 +121,7 @@ class Stretch:
         arcs = np.concatenate([[before.arc - point.arc, 0.0], np.cumsum(self.numbers[:, 4])])
         signs = np.sign(table)
         still = np.all((signs[1:] == signs[:-1]) & (signs[1:] != 0.0), axis=1)[1:]
-        still &= np.abs(tests[:, 2]) > FAINT
+        still &= (np.abs(tests[:, 2]) > FAINT) & ~self._uneven()
         still &= self.unstable == np.concatenate([[point.examined.data.unstable], self.unstable[:-1]])
         still &= ~_returning(table, arcs)
         # a step is final when the next one does not show that zeros were passed over; so is the step to `point`
@@ -130,6 +131,15 @@ class Stretch:
         still &= ~np.append(passed[1:], False)
         kept = int(np.argmin(still)) if not np.all(still) else self.taken
         return self._before_return(point, kept)
+
+    def _uneven(self) -> NDArray[np.bool_]:
+        """Return at which points some values are so slow that they have sizes of their own."""
+        found = np.abs(self.values).min(axis=1, initial=np.inf) < SEPARATED * self.top
+        for i in np.flatnonzero(found).tolist():
+            found[i] = bool(np.ptp(sized_eigenvalues(self._jacobians[i, :, :-1])[1]) > 0.0)
+            if found[i]:
+                break  # no point behind it is kept
+        return np.asarray(found)
 
     def _before_return(self, last: Point, kept: int) -> int:
         """Return how many of the first points come before a step in which values become critical at several places."""
@@ -157,7 +167,7 @@ class Stretch:
         columns = {name: values[:count].tolist() for name, values in self.tests.items()} if count else {}
         found = []
         for i, (sign, log, residual, iterations, _) in enumerate(rows):
-            data = PointData(self.values[i], int(self.unstable[i]), ())
+            data = PointData(self.values[i], int(self.unstable[i]), np.full(self.values.shape[1], self.top[i]))
             examined = Examined({name: values[i] for name, values in columns.items()}, None, data)
             u, tangent = self._points[i]
             found.append(
@@ -186,15 +196,17 @@ def _doubtful(values: NDArray[np.complex128], lengths: NDArray[np.float64]) -> N
     return np.asarray((lengths > _LONG) | (np.minimum(near[:-1], near[1:]) < _REACH * most))
 
 
-def _spectra(matrices: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:
-    """Return the eigenvalues of matrices, the largest real part first, and the counts of unstable ones."""
+def _spectra(
+    matrices: NDArray[np.float64],
+) -> tuple[NDArray[np.complex128], NDArray[np.int64], NDArray[np.float64]]:
+    """Return the eigenvalues of matrices, the largest real part first, the counts of unstable ones, the top moduli."""
     if not len(matrices):
-        return np.empty((0, matrices.shape[1]), complex), np.empty(0, np.int64)
+        return np.empty((0, matrices.shape[1]), complex), np.empty(0, np.int64), np.empty(0)
     values = np.linalg.eigvals(matrices).astype(np.complex128)
     order = np.lexsort((-values.imag, -values.real), axis=-1)
     values = np.take_along_axis(values, order, axis=-1)
     top = np.abs(values).max(axis=1, keepdims=True)
-    return values, np.sum(values.real > NEUTRAL * top, axis=1)
+    return values, np.sum(values.real > NEUTRAL * top, axis=1), top[:, 0]
 
 
 def _pair_products(values: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -259,7 +259,7 @@ class AlgebraicRun(OneParameterRun):
             return self.ends(half, branch, point, end)
         name = kind = branch.type_of(event.name)
         blunt = False  # whether Newton's method finds no fold at an SN
-        count = branch.multiplicity(point.examined.data.values, kind)
+        count = branch.multiplicity(point.examined.data, kind)
         if kind in ("SN", "BP") and (count == 1 or kind == "BP"):
             if count > 1:
                 u = self._together(branch, half.points[-1][1] if half.points else point, point, count)
@@ -309,7 +309,7 @@ class AlgebraicRun(OneParameterRun):
         """Return where several values become critical at once, located between two points beside; None if unknown."""
 
         def growth(u: NDArray[np.float64]) -> float:
-            values = branch.growth(branch.spectrum(u))
+            values = branch.growth(*branch.sized(u))
             return float(np.mean(values[np.argsort(np.abs(values))[:count]]))
 
         sides = [
