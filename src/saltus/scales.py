@@ -17,10 +17,13 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["EPS", "Scales", "Verdict", "near", "same", "zero"]
+__all__ = ["EPS", "SMALLEST", "Scales", "Verdict", "near", "same", "zero"]
 
 # Spacing of doubles at 1: the relative rounding of one operation.
 EPS = float(np.finfo(float).eps)
+
+# The least double of full precision: what is below has no relative error that could be kept.
+SMALLEST = float(np.finfo(float).tiny)
 
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.
