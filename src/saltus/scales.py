@@ -27,6 +27,7 @@ __all__ = [
     "ROUNDS_ALIKE",
     "SENSITIVITIES",
     "SEPARATED",
+    "SMALLEST",
     "STEPS_TOGETHER",
     "Scales",
     "Verdict",
@@ -43,6 +44,9 @@ EPS = float(np.finfo(float).eps)
 # Eigenvalue, over the largest, below which one decomposition of the whole matrix loses five of its digits, as its
 # error is the rounding of the largest: such a value is computed apart, and has a size of its own.
 SEPARATED = 1e-5
+
+# The least double of full precision: what is below has no relative error that could be kept.
+SMALLEST = float(np.finfo(float).tiny)
 
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.

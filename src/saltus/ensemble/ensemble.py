@@ -17,8 +17,8 @@ from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
 from saltus.flow.event_logs import events_after
-from saltus.flow.motion import jumps_at_phase_zero
 from saltus.flow.starting import phase_rate, starting_mode
+from saltus.flow.transition_rows import jumps_at_phase_zero
 from saltus.flow.variational import Average, Growth, growth_along
 from saltus.system.angles import refuse
 from saltus.system.own_states import absent_states

@@ -9,8 +9,8 @@ import numpy as np
 
 from saltus.ensemble.labels import DIVERGED, UNDECIDED
 from saltus.errors import DivergenceError, SaltusError, StickingError
+from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.poincare import iterate
-from saltus.flow.simulation import simulate
 from saltus.flow.starting import starting_mode
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["follow_alone"]
 
 _TOLERANCE = 1e-11  # of a step, relative and absolute
+_MOST_EVENTS = 100_000  # events in a period after which a motion is looked at as it is
 
 
 def follow_alone(
@@ -85,6 +86,7 @@ def _after_period(
         p, full = system.parameter_vector(parameters), system.full_state(x)
         found = iterate(system, p, full, mode, discard=0, keep=1, tolerance=(_TOLERANCE, _TOLERANCE))
         return found.states[0, : x.size], int(found.modes[0])
-    name = system.mode_names[mode]
-    motion = simulate(system, parameters, x, mode=name, t_end=period, tolerance=(_TOLERANCE, _TOLERANCE))
-    return np.array(motion.x_end), system.mode_index(motion.mode_end)
+    p = system.parameter_vector(parameters)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, _TOLERANCE, _TOLERANCE)
+    run.follow(period, None, _MOST_EVENTS, keep=False)
+    return np.array(run.x), run.mode

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from saltus.ensemble.labels import FIELDS
 from saltus.ensemble.lane_kinds import pools_of
 from saltus.system.expansion import expanded
+from saltus.system.faces import FACE, kinds_of
 from saltus.system.parts import at_phases
 from saltus.system.writing.writer import Writer
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["LaneText"]
 
 PARAMETER = re.compile(r"\bp\[(\d+)\]")  # text that reads a parameter, or a constant of parameters
+_LEAST_SIZE = 1e-300  # size of a state that never crosses 0, below which it is nothing: 1 over it is finite
 PERTURBED = 1e-3  # weight of the error of a perturbation, over that of a state
 OWN = {"rate", "period", "longest"}  # numbers besides parameters that a lane may have of its own
 
@@ -58,6 +60,10 @@ class LaneText(Writer):
         self.own_numbers: dict[str, int] = {}
         self.lane_numbers: dict[str, int] = {}
         self._hoisted: dict[str, str] = {}
+
+    @cached_property
+    def _kinds(self) -> tuple[int, ...]:
+        return kinds_of(self.system)
 
     @cached_property
     def touches(self) -> dict[int, set[int]]:
@@ -154,7 +160,9 @@ class LaneText(Writer):
         return self.own and (name in OWN or PARAMETER.fullmatch(name) is not None)
 
     def weight(self, i: int) -> str:
-        """Inverse of the size against which the error of state i is measured."""
+        """Inverse of the size against which the error of state i is measured: its own where it never crosses 0."""
+        if i < len(self.system.system.states) and self._kinds[i] == FACE:
+            return f"1.0/({_LEAST_SIZE!r} + abs(x{i}))"
         if not self.own:
             return self.number(f"iscale{i}")
         n = len(self.system.system.states)

@@ -13,8 +13,9 @@ import numpy as np
 
 from saltus.ensemble.labels import NOT_DONE, REFUSED, Returning, Returns, Section
 from saltus.errors import SaltusError
-from saltus.flow.motion import EventDrivenMotion, jumps_at_phase_zero, start_state
+from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.poincare import PoincareReturns
+from saltus.flow.transition_rows import jumps_at_phase_zero
 from saltus.flow.variational import ROWS, Growth
 from saltus.result import frozen
 

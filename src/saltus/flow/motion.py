@@ -10,9 +10,11 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
+from saltus.flow.shares import shares_of, small_groups, with_shares
 from saltus.flow.starting import phase_rate
 from saltus.flow.sticking import sticking_surface
 from saltus.flow.stiffness import fastest_in_words, may_be_implicit, worth
+from saltus.flow.transition_rows import clocks, opposites
 from saltus.system.filippov import lines_of
 from saltus.system.parts import NOWHERE, at_phases
 
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from saltus.system.hybrid import HybridSystem
     from saltus.system.states import StateLike
 
-__all__ = ["EventDrivenMotion", "check_tolerances", "how_long", "jumps_at_phase_zero", "start_state", "tolerances_of"]
+__all__ = ["EventDrivenMotion", "check_tolerances", "how_long", "start_state", "tolerances_of"]
 
 _TWO_PI = 2.0 * math.pi
 _EVENTS_KEPT = 1024  # events between two clearances of their buffer
@@ -56,6 +58,8 @@ class EventDrivenMotion:
         Steps that may be tried in all before a `StiffnessError`.
     room : int, optional
         Steps of dense output in all, at which the motion stops.
+    whole : bool, optional
+        Whether the absolute tolerance holds for every state, also for those that never cross zero.
 
     Notes
     -----
@@ -81,6 +85,7 @@ class EventDrivenMotion:
         steps_kept: int = 0,
         most_steps: int | None = None,
         room: int | None = None,
+        whole: bool = False,
     ) -> None:
         from saltus.flow.kernels import state as kernels
         from saltus.flow.kernels.event import run_kernel
@@ -88,8 +93,11 @@ class EventDrivenMotion:
         compiled, n = system.compiled, x.size
         self.kernels, self._run = kernels, run_kernel
         self.system, self.rtol, self.atol = system, float(rtol), float(atol)
-        self.addresses = compiled.motion
         self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
+        self._full = np.ones(n) if whole else shares_of(compiled, self.p)
+        self._sizes = np.abs(x)
+        self.shares = self._full.copy() if whole else small_groups(compiled, self._sizes, self._full)
+        self.addresses = with_shares(compiled.motion, self.shares)
         self.x = x
         self.rate = 0.0
         self.offset = 0.0
@@ -129,7 +137,7 @@ class EventDrivenMotion:
         counts = n, states, len(system.modes), len(system.transitions)
         return (
             kernels.System(
-                self.addresses, self.transitions, _clocks(system), _opposites(system), self.p, self.rate, *counts
+                self.addresses, self.transitions, clocks(system), opposites(system), self.p, self.rate, *counts
             ),
             kernels.Tolerances(self.rtol, self.atol, *self._ways),
             kernels.State(
@@ -273,7 +281,9 @@ class EventDrivenMotion:
             self._again = 0.0 if self._implicit else 1.5 * self.tries
         if self._implicit != before:
             self.budget = _CHOSEN  # they are soon held against the others
-            self.addresses = self.system.compiled.addresses if self._implicit else self.system.compiled.motion
+            compiled = self.system.compiled
+            self.let_shares_grow(all_of_them=self._implicit)
+            self.addresses = with_shares(compiled.addresses if self._implicit else compiled.motion, self.shares)
             self.__dict__.pop("records", None)
 
     def _sticking(self, surface: str) -> StickingError:
@@ -300,9 +310,17 @@ class EventDrivenMotion:
                 self.kept_steps.append(tuple(buffer[:m].copy() for buffer in self.step_buffers))
                 self.kept_events.append(tuple(buffer[:k].copy() for buffer in self.event_buffers))
             if status == self.kernels.AGAIN:
+                self.let_shares_grow()
                 self.watch()
         if status not in (self.kernels.DONE, self.kernels.AGAIN):
             raise self.error(status)
+
+    def let_shares_grow(self, *, all_of_them: bool = False) -> None:
+        """Let small states that have grown have their share of the absolute tolerance, in place: kernels know where."""
+        if (self.shares < 0.0).any():
+            np.maximum(self._sizes, np.abs(self.x), out=self._sizes)
+            groups = self._full if all_of_them else small_groups(self.system.compiled, self._sizes, self._full)
+            self.shares[:] = np.where(self.shares < 0.0, groups, self.shares)
 
     def _infinite_event(self) -> str | None:
         """Which event function of the mode is not finite, or will be in a step, in words; None where all are."""
@@ -355,40 +373,6 @@ class EventDrivenMotion:
             kernels.RESET_NOT_FINITE: "a reset is not finite",
         }[status]
         return DivergenceError(t, self.x, mode, reason)
-
-
-def _clocks(system: HybridSystem) -> NDArray[np.int64]:
-    """Return the first transition with the same event function of the phase alone; -1 for other events."""
-    texts = [transition.event for transition in system.transitions]
-    return np.array(
-        [texts.index(t.event) if at_phases(system, t) else -1 for t in system.transitions], dtype=np.int64
-    )  # fmt: skip
-
-
-def _opposites(system: HybridSystem) -> NDArray[np.int64]:
-    """Return for a way out of a mode that slides the way out to the other side; -1 for other transitions."""
-    found = np.full(len(system.transitions), -1)
-    surfaces = {mode.surface for mode in system.modes.values() if mode.surface is not None}
-    for name, mode in system.modes.items():
-        ways = [k for k, t in enumerate(system.transitions) if t.source == name and t.event not in surfaces]
-        if mode.surface is not None and len(ways) == 2:
-            found[ways] = ways[::-1]
-    return found
-
-
-def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
-    """Return whether an event of the phase alone happens at phase 0, as far as the strobe resolves it."""
-    from saltus.flow.kernels.state import AT_WRAP
-
-    out, extended = np.empty(2), system.compiled.extended(p)
-    for k, transition in enumerate(system.transitions):
-        if at_phases(system, transition):
-            x = np.zeros(len(system.all_states))
-            rate = float(system.compiled.field(system.mode_index(transition.source), x, p)[-1])
-            system.compiled.call("event", k, 0, x, extended, out)
-            if abs(rate * out[0]) <= AT_WRAP * abs(out[1]) and transition.direction * out[1] >= 0.0:
-                return True
-    return False
 
 
 def start_state(system: HybridSystem, x0: StateLike, mode: str | None = None) -> NDArray[np.float64]:

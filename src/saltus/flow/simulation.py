@@ -123,7 +123,7 @@ def simulate(
     tolerance : float or (float, float), optional
         Relative tolerance of a step, between 1e-14 and 0.1, or a pair of relative and absolute tolerance. By default
         the absolute tolerance is 1e-12. Where a state stays below 1e-2 all along the motion, 1e-12 is
-        multiplied by the size of the smallest state.
+        multiplied by the size of the smallest state. States that never cross zero, as populations, have none then.
     options : SimulationOptions, optional
         Numbers of transitions and steps after which the motion ends early; by default 100 000 transitions.
 
@@ -179,12 +179,11 @@ def simulate(
     start = starting_mode(system, x, p, mode)
     warn_behind_wall(system, p, x, start)
 
+    given, kept = atol is not None, min(_STEPS_KEPT, most_steps)
     runs: list[EventDrivenMotion] = []
 
     def begun(atol: float) -> EventDrivenMotion:
-        run = EventDrivenMotion(
-            system, p, x.copy(), start, rtol, atol, steps_kept=min(_STEPS_KEPT, most_steps), room=most_steps
-        )
+        run = EventDrivenMotion(system, p, x.copy(), start, rtol, atol, steps_kept=kept, room=most_steps, whole=given)
         runs.append(run)
         return run
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus.errors import SaltusError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, start_state
+from saltus.flow.shares import shares_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,15 +43,16 @@ class Sizes:
     of_states: NDArray[np.float64]  # largest sizes, where they are more than rounding
     # sizes against which differences of states are measured; none is so small that rounding matters
     of_gaps: NDArray[np.float64]
+    shares: NDArray[np.float64]  # in an absolute tolerance: states without any are followed by their own sizes
 
     def at_least(self, floor: NDArray[np.float64]) -> Sizes:
         """Return the sizes, none below `floor`, shape (all states,)."""
-        return Sizes(np.maximum(self.of_states, floor), np.maximum(self.of_gaps, floor))
+        return Sizes(np.maximum(self.of_states, floor), np.maximum(self.of_gaps, floor), self.shares)
 
     @property
     def atol(self) -> float:
         """Absolute tolerance of the motion's steps."""
-        return ATOL * _share(self.of_states)
+        return ATOL * _share(self.of_states[self.shares == 1.0])
 
 
 def sizes_along(
@@ -97,7 +99,7 @@ def sizes_from(
     rounding = EPSILON * kept * (np.abs(rates) @ usual)
     size = np.maximum(size, rounding / ATOL)
     size[size == 0.0] = top
-    return Sizes(size, np.maximum(size, _TOLD * rounding))
+    return Sizes(size, np.maximum(size, _TOLD * rounding), shares_of(compiled, p))
 
 
 def followed_in_size(
@@ -147,10 +149,11 @@ def _share_needed(run: EventDrivenMotion) -> float:
     """Size of the least state along a motion, or 1 where all are larger or none is known."""
     states = run.steps()[2] if run.kept_steps else np.empty((0, run.x.size))
     sizes, count = np.abs(states).max(axis=0, initial=0.0), len(run.system.states)
-    if (sizes[:count] >= SMALL).all() or not sizes[:count].max() > _LEAST:
+    counted = run.shares[:count] == 1.0
+    if (sizes[:count][counted] >= SMALL).all() or not sizes[:count].max() > _LEAST:
         return 1.0
     p = run.p[: len(run.system.parameters)]
-    return _share(sizes_from(run.system, p, run.x, run.mode, states, run.time).of_states[:count])
+    return _share(sizes_from(run.system, p, run.x, run.mode, states, run.time).of_states[:count][counted])
 
 
 def _share(sizes: NDArray[np.float64]) -> float:

@@ -79,6 +79,8 @@ class TaylorRun:
         self._helped, self._most = 0, 0
         # what a motion is, and what is refused, is the Runge-Kutta flow's to say
         first = EventDrivenMotion(system, p, x.copy(), mode, rtol, atol)
+        first.let_shares_grow(all_of_them=True)
+        self._shares = first.shares  # of which kernels know the address
         self.rate = first.rate
         self.extended_series = series.constants(p)
         self.laws, self.step_tolerances, *_ = first.records

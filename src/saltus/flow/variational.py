@@ -11,6 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import InputError
 from saltus.flow.motion import EventDrivenMotion, check_tolerances, start_state
+from saltus.flow.shares import with_shares
 from saltus.flow.sticking import check_continuous
 from saltus.result import frozen
 
@@ -232,7 +233,7 @@ def _run_rows(
     while status == again and not interrupted:
         tries, time = run.tries, run.time
         laws, tolerances, *buffers = run.records
-        laws = laws._replace(addresses=run.system.compiled.addresses)  # derivatives too
+        laws = laws._replace(addresses=with_shares(run.system.compiled.addresses, run.shares))  # derivatives too
         status = kernels.growth_kernel(laws, tolerances, run.budget, *buffers, rows, frame, places)
         if status == again:
             run.watch()

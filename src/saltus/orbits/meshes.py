@@ -35,6 +35,7 @@ class _Stopped(NamedTuple):
 
 def adapted(
     compiled: Compiled,
+    functions: NDArray[np.int64],
     modes: NDArray[np.int64],
     blocks: NDArray[np.float64],
     p: NDArray[np.float64],
@@ -50,6 +51,8 @@ def adapted(
 
     Parameters
     ----------
+    functions : ndarray of int64
+        `Compiled.addresses` with the states' shares of the absolute tolerance.
     modes : ndarray of int64, shape (segments,)
         Where the segments run.
     blocks : ndarray, shape (segments, n + 1)
@@ -69,7 +72,7 @@ def adapted(
         meshes = []
         for index, (mode, block) in enumerate(zip(modes, blocks, strict=True)):
             x, mesh = np.ascontiguousarray(block[:-1]), np.empty(most + 1)
-            count = adapt(compiled.addresses, mode, x, block[-1], p, *tolerances, mesh)
+            count = adapt(functions, mode, x, block[-1], p, *tolerances, mesh)
             if count < 0:
                 return _Stopped(index, count == segment_kernels.BLOCKED)
             meshes.append(mesh[: count + 1].copy())

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import ConvergenceError
+from saltus.flow.shares import shares_of, with_shares
 from saltus.orbits.common_sizes import common_sizes, surface_rows
 from saltus.orbits.discretisation import Discretised
 from saltus.orbits.frames import lawson_steps
@@ -73,7 +74,8 @@ class OrbitProblem(Discretised):
         self.n = compiled.n
         self.segments = len(self.signature)
         self.size = self.segments * (self.n + 1)
-        self._functions = np.append(compiled.addresses, 0)  # 0: no linear parts
+        self._own_shares = shares_of(compiled, self.p)
+        self._functions = np.append(with_shares(compiled.addresses, self._own_shares), 0)  # 0: no linear parts
         # nothing but a plane fixes where on the orbit the first segment starts
         self.slides = self.signature.kinds[0] == CLOSED_END
         self._slides = any(
@@ -214,7 +216,9 @@ class OrbitProblem(Discretised):
         """
         blocks, tolerances = u[: self.size].reshape(self.segments, self.n + 1), (self.tol, self._atol)
         states = len(self.system.states)
-        found = adapted(self.system.compiled, self.modes, blocks, self.extended, tolerances, states, self.stiff)
+        found = adapted(
+            self.system.compiled, self._functions, self.modes, blocks, self.extended, tolerances, states, self.stiff
+        )
         if isinstance(found, int):
             return found
         meshes, self.stiff = found

@@ -24,6 +24,7 @@ __all__ = [
     "FUNCTIONS",
     "SECOND",
     "SERIES_TEXT",
+    "SHARES",
     "Compiled",
     "CompiledGradients",
     "CompiledLinear",
@@ -50,6 +51,9 @@ FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p"
 # Those that a motion needs.
 MOTION = ("derive", "field", "event", "event_x", "reset", "guard", "ways")
 
+# Place behind the functions' addresses of that of the states' shares of an absolute tolerance, shape (n,).
+SHARES = len(FUNCTIONS)
+
 # Names of the functions of second derivatives, in the order of `CompiledSecond.addresses`.
 SECOND = ("derive", "field_2", "event_2", "reset_2")
 
@@ -59,9 +63,14 @@ class Compiled:
 
     Attributes
     ----------
-    motion : ndarray of int64, shape (functions,)
+    motion : ndarray of int64, shape (functions + 1,)
         Where each of `FUNCTIONS` that is one of `MOTION` begins, 0 for others; valid in this process only. A system
-        without exponents has 0 for ``ways``.
+        without exponents has 0 for ``ways``. The last is the address of the states' shares of an absolute tolerance,
+        all of them 1.
+    kinds : ndarray of int64, shape (n,)
+        The kind of each state, as `saltus.system.faces` tells them.
+    groups : ndarray of int64, shape (n,)
+        The least state of the group that stays at 0 together with each; -1 for none.
     n, n_parameters, n_constants, n_outputs : int
         Sizes of the full state, of the parameters, of the constants made from them, of the outputs.
     rooted : ndarray of bool, shape (modes,)
@@ -76,8 +85,11 @@ class Compiled:
 
     def __init__(self, module: Any, system: Definition) -> None:
         self._module = module  # addresses are valid as long as the module is
-        self.motion = self._addresses(MOTION)
         self.n = len(system.all_states)
+        self._whole = np.ones(self.n)
+        self.motion = self._addresses(MOTION)
+        self.kinds = np.array(module.KINDS, dtype=np.int64)
+        self.groups = np.array(module.GROUPS, dtype=np.int64)
         self.n_parameters = len(system.parameters)
         self.n_constants = int(module.CONSTANTS)
         self.n_outputs = len(system.outputs)
@@ -90,13 +102,13 @@ class Compiled:
 
     @cached_property
     def addresses(self) -> NDArray[np.int64]:
-        """Where each of `FUNCTIONS` begins, shape (functions,); derivatives are compiled when this is first read."""
+        """Where each of `FUNCTIONS` begins, then the shares; derivatives are compiled when this is first read."""
         return self._addresses(FUNCTIONS)
 
     def _addresses(self, wanted: Sequence[str]) -> NDArray[np.int64]:
         needed = set(wanted) if self._module.EXPONENTS else set(wanted) - {"ways"}
         found = [getattr(self._module, name).address if name in needed else 0 for name in FUNCTIONS]
-        return np.array(found, dtype=np.int64)
+        return np.array([*found, self._whole.ctypes.data], dtype=np.int64)
 
     def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants behind them, shape (n_parameters + n_constants,)."""
@@ -322,12 +334,13 @@ _TEXT = (
     "expansion",
     "expressions",
     "grammar",
+    "powers",
     "writing.exponents",
     "writing.printer",
     "writing.regularise",
     "writing.writer",
 )
-_FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "writing.codegen"))
+_FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "faces", "writing.codegen"))
 SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "writing.linear_split", "writing.taylor"))
 
 
@@ -375,6 +388,7 @@ _GRADIENT_TEXT = (
     "derivatives",
     "expressions",
     "grammar",
+    "powers",
     "writing.gradient_writer",
     "writing.printer",
     "writing.writer",

@@ -10,6 +10,7 @@ import sympy
 
 from saltus.errors import DefinitionError
 from saltus.system.expressions import parse
+from saltus.system.powers import opened, slope_of
 
 if TYPE_CHECKING:
     from saltus.system.definition import Definition
@@ -89,7 +90,7 @@ class Symbolic:
     def rate(self) -> list[sympy.Expr]:
         """Lie derivative of each event function along its source's field."""
         return [
-            sum(_smooth_diff(h, symbol) * f for symbol, f in zip(self.x, self.field[mode], strict=True))
+            sum(opened(_smooth_diff(h, symbol)) * f for symbol, f in zip(self.x, self.field[mode], strict=True))
             for h, mode in zip(self.event, self.source, strict=True)
         ]
 
@@ -147,7 +148,7 @@ def _smooth_diff(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
     if symbol not in symbols:
         return sympy.S.Zero
     if not corners:
-        derivative = sympy.diff(expression, symbol)
+        derivative = slope_of(expression, symbol)
         if derivative.has(sympy.Heaviside) and expression.has(sympy.Max, sympy.Min):
             derivative = derivative.replace(sympy.Heaviside, lambda x, *_: (1 + sympy.sign(x)) / 2)
         if derivative.has(sympy.DiracDelta) and expression.has(sympy.sign):

@@ -9,6 +9,7 @@ from numba import float64, int64
 
 from saltus.flow.kernels.polynomial import ROOTS, bernstein_roots, variations
 from saltus.flow.kernels.state import EPSILON
+from saltus.scales import SMALLEST
 from saltus.system.numba_tools.bits import bits_of, float_of
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, outlined, pointer
@@ -50,17 +51,20 @@ def _root(value, n):
 
 
 @njit(**INNER)
-def step_length(c, order, stride, m, first_event, last_event, rtol, atol):
+def step_length(c, order, stride, m, first_event, last_event, tolerances, shares, states):
     """Length at which neither of the last two terms of a column is above its tolerance; nan: none.
 
     The first m columns are measured by their own sizes, the event columns by the size of the state. Where the last terms
-    vanish, the step is limited by `LONGEST_STEP`.
+    vanish, the step is limited by `LONGEST_STEP`. tolerances: relative and absolute. shares: of the first `states` columns
+    in the absolute one.
     """
     outlined()
+    rtol, atol = tolerances
     last = last_but_one = size = slope = total = 0.0
     a, b, first = pointer(c, order * stride), pointer(c, (order - 1) * stride), pointer(c, stride)
     for e in range(m):
-        weight = 1.0 / (atol + rtol * abs(c[e]))
+        floor = atol * shares[e] + SMALLEST if e < states else atol
+        weight = 1.0 / (floor + rtol * abs(c[e]))
         last = max(last, abs(a[e]) * weight)
         last_but_one = max(last_but_one, abs(b[e]) * weight)
         total += a[e] + b[e]

@@ -29,8 +29,9 @@ from saltus.flow.kernels.implicit_step import (
     varied_stages,
 )
 from saltus.flow.kernels.segment import EVENT_P, EVENT_X, Segment, Sensitive, leaps
+from saltus.system.compiled import SHARES
 from saltus.system.numba_tools.machine_code import cfunc, njit
-from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer
+from saltus.system.numba_tools.pointers import INNER, call, keep, numbers_at, outlined, pointer
 
 LONGEST = 1.0 / 24  # longest step: sensitivities vary where the state rests
 
@@ -162,7 +163,7 @@ def flow(functions, p, sizes, active, x0, duration, mesh, rtol, atol, y, errors)
             for other in range(count):
                 errors[other] = np.inf
             break
-        errors[step] = roughness(n, n, y, stages.increments, rtol, atol)
+        errors[step] = roughness(n, n, y, stages.increments, (rtol, atol), numbers_at(functions[SHARES]))
         varied_stages(segment, forced, h, y, stages, moved, ev)
         if mean != 0:
             _add_mean(segment, sensitive, h, y, stages, moved, ev)

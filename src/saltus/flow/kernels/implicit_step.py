@@ -14,8 +14,10 @@ from numba import float64, int64, types
 from saltus.flow import radau
 from saltus.flow.kernels.segment import FIELD_P, VARY
 from saltus.flow.kernels.stages import dense_slope, dense_value
+from saltus.scales import SMALLEST
+from saltus.system.compiled import SHARES
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import ARRAYS, INNER, call, outlined, pointer
+from saltus.system.numba_tools.pointers import ARRAYS, INNER, call, numbers_at, outlined, pointer
 
 STAGES = radau.STAGES
 C = radau.NODES
@@ -293,15 +295,15 @@ def dense_increments(n, increments, coefficients):
 
 
 @njit(**INNER)
-def roughness(n, used, x, increments, rtol, atol):
-    """Return the error of a step over its tolerance: the polynomial of highest degree in it."""
-    worst = 0.0
+def roughness(n, used, x, increments, tolerances, shares):
+    """Return the error of a step over its tolerance: the polynomial of highest degree in it; see `state_error`."""
+    worst, (rtol, atol) = 0.0, tolerances
     for e in range(used):
         last, top = 0.0, abs(x[e])
         for i in range(STAGES):
             last += LAST[i] * increments[i * n + e]
             top = max(top, abs(x[e] + increments[i * n + e]))
-        error = abs(last) / (ROUGH * (atol + rtol * top))
+        error = abs(last) / (ROUGH * (atol * shares[e] + SMALLEST + rtol * top))
         if not error <= worst:
             worst = error
     return worst
@@ -345,6 +347,7 @@ def error_between(segment, begin, h, used, x, curve, stages, rtol, atol):
     """
     outlined()
     n, frame, out, matrix, left, worst = segment.n, stages.frame, stages.out, stages.matrix, stages.column, 0.0
+    shares = numbers_at(segment.functions[SHARES])
     for k in range(len(PROBES)):
         fraction, rate = PROBES[k], h * segment.duration
         if begin >= 0.0:
@@ -364,7 +367,7 @@ def error_between(segment, begin, h, used, x, curve, stages, rtol, atol):
         substitute(stages, n, left)
         for e in range(used):
             top = max(max(abs(x[e]), abs(x[e] + curve[e])), abs(frame[e]))
-            error = abs(left[e]) / (PASSED * (atol + rtol * top))
+            error = abs(left[e]) / (PASSED * (atol * shares[e] + SMALLEST + rtol * top))
             if not error <= worst:
                 worst = error
     return worst
@@ -378,7 +381,7 @@ def error_of(segment, begin, h, used, x, stages, rtol, atol):
     begin: as in `error_between`.
     """
     n, longest = segment.n, 0.0
-    error = roughness(n, used, x, stages.increments, rtol, atol)
+    error = roughness(n, used, x, stages.increments, (rtol, atol), numbers_at(segment.functions[SHARES]))
     if not error <= 1.0:
         return error
     curve = pointer(stages.matrix, n * n)

@@ -13,19 +13,20 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64
 
-from saltus.flow.kernels.stages import dense_coefficients, dense_slope, dense_value, error_norm, stage
+from saltus.flow.kernels.stages import dense_coefficients, dense_slope, dense_value, error_norm, stage, state_error
 from saltus.flow.kernels.ways import JUMP, WAYS, longest_way
 from saltus.flow.tableaux import NODES as C
-from saltus.system.compiled import FUNCTIONS
+from saltus.scales import SMALLEST
+from saltus.system.compiled import FUNCTIONS, SHARES
 from saltus.system.numba_tools.machine_code import kernel, njit
-from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer, stack
+from saltus.system.numba_tools.pointers import INNER, call, keep, numbers_at, outlined, pointer, stack
 
 VARY = FUNCTIONS.index("vary")
 FIELD = FUNCTIONS.index("field")
 FIELD_P = FUNCTIONS.index("field_p")
 EVENT_X = FUNCTIONS.index("event_x")
 EVENT_P = FUNCTIONS.index("event_p")
-LINEAR = len(FUNCTIONS)  # behind them, the address of the modes' linear parts, 0 where steps take no notice of these
+LINEAR = SHARES + 1  # behind them, the address of the modes' linear parts, 0 where steps take no notice of these
 BLOCKED = -1  # what `adapt` returns where a flow ends on the way
 SHORT = -2  # where its steps are too many, or too short from the start
 MOST_STEPS = 400_000  # steps of one segment at most: a stiff one needs as many as its stability allows
@@ -154,14 +155,14 @@ def missed(segment, s, h, most, curve, node, x, probe, field, rtol, atol):
     most: as in `leaps`. curve: (7 n,), from the state `node`, (n,). x, probe, field: scratch, (n,) each.
     """
     outlined()
-    n = segment.n
+    n, shares = segment.n, numbers_at(segment.functions[SHARES])
     for k in range(len(PROBES)):
         fraction = PROBES[k]
         dense_value(curve, 0, n, node, 0, fraction, x)
         dense_slope(curve, 0, n, fraction, probe)
         state_slope(segment, s + fraction * h, x, field, int64(0))
         for e in range(n):
-            if not abs(probe[e] - h * field[e]) <= MISSED * (atol + rtol * abs(x[e])):
+            if not abs(probe[e] - h * field[e]) <= MISSED * (atol * shares[e] + SMALLEST + rtol * abs(x[e])):
                 return True
     return leaps(segment, h, most, curve, node)
 
@@ -198,7 +199,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
         if h < 1e-12:
             return BLOCKED if count > 0 else SHORT
         state_step(segment, s, h, x, slopes, x_end)
-        error = error_norm(slopes, n, start, n, h, x, x_end, rtol, atol)
+        error = state_error(slopes, n, n, h, x, x_end, (rtol, atol), numbers_at(functions[SHARES]))
         if not error < 1e300:
             h *= 0.1
             continue
@@ -383,7 +384,7 @@ def flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors):
         for e in range(n, size):
             largest = max(largest, abs(trial[e]))
         errors[step] = max(
-            error_norm(slopes, length, int64(0), n, h, y, trial, rtol, atol),
+            state_error(slopes, length, n, h, y, trial, (rtol, atol), numbers_at(segment.functions[SHARES])),
             error_norm(slopes, length, n, size - n, h, y, trial, 0.0, VARIED * rtol * largest),
         )
         for e in range(length):

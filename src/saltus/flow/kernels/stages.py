@@ -7,6 +7,7 @@ import math
 from numba import float64
 
 from saltus.flow import tableaux
+from saltus.scales import SMALLEST
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, apart, outlined, pointer, stack
 
@@ -58,12 +59,51 @@ def stage(i, slopes, n, h, x, out):
 
 
 @njit(**INNER)
-def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
-    """Error of a step over its tolerance, from the estimates of order 5 and 3; `used` components from `first` on count."""
+def state_error(slopes, n, used, h, x, x_end, tolerances, shares):
+    """Error of a step over its tolerance, from the estimates of order 5 and 3; the first `used` of n components count.
+
+    tolerances: relative and absolute. shares: of each component in the absolute one, (used,); a component without a share
+    is measured by its own size, one with a negative share by that of all with the same share.
+    """
     outlined()
-    fives = stack(float64, 2 * used)
-    threes = pointer(fives, used)
-    _estimates(pointer(slopes, first), n, used, pointer(x, first), pointer(x_end, first), rtol, atol, fives, threes)
+    rtol, atol = tolerances
+    fives = stack(float64, 3 * used)
+    threes, scales = pointer(fives, used), pointer(fives, 2 * used)
+    for e in range(used):
+        scales[e] = (atol * shares[e] + SMALLEST) + rtol * max(abs(x[e]), abs(x_end[e]))
+        if shares[e] < 0.0:
+            size = max(group_size(shares, used, e, x), group_size(shares, used, e, x_end))
+            scales[e] = SMALLEST + rtol * size
+    _estimates(slopes, n, used, scales, fives, threes)
+    return _norm(used, h, fives, threes)
+
+
+@njit(**INNER)
+def group_size(shares, used, e, x):
+    """Size of the largest component with the share of `e`."""
+    outlined()
+    size = 0.0
+    for other in range(used):
+        if shares[other] == shares[e]:
+            size = max(size, abs(x[other]))
+    return size
+
+
+@njit(**INNER)
+def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
+    """Error of a step over its tolerance as in `state_error`; `used` components from `first` on count, all alike."""
+    outlined()
+    fives = stack(float64, 3 * used)
+    threes, scales, x, x_end = pointer(fives, used), pointer(fives, 2 * used), pointer(x, first), pointer(x_end, first)
+    for e in range(used):
+        scales[e] = atol + rtol * max(abs(x[e]), abs(x_end[e]))
+    _estimates(pointer(slopes, first), n, used, scales, fives, threes)
+    return _norm(used, h, fives, threes)
+
+
+@njit(**INNER)
+def _norm(used, h, fives, threes):
+    """Error of a step from its estimates."""
     five = three = 0.0
     for e in range(used):
         five += fives[e] * fives[e]
@@ -73,11 +113,10 @@ def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
 
 
 @njit(**INNER)
-def _estimates(slopes, n, used, x, x_end, rtol, atol, fives, threes):
+def _estimates(slopes, n, used, scales, fives, threes):
     """Write the estimates of order 5 and 3 of `used` components, over their tolerances: a loop that vectorises."""
     apart()
     for e in range(used):
-        scale = atol + rtol * max(abs(x[e]), abs(x_end[e]))
         fives[e] = (
             E5[0] * slopes[e]
             + E5[5] * slopes[5 * n + e]
@@ -87,7 +126,7 @@ def _estimates(slopes, n, used, x, x_end, rtol, atol, fives, threes):
             + E5[9] * slopes[9 * n + e]
             + E5[10] * slopes[10 * n + e]
             + E5[11] * slopes[11 * n + e]
-        ) / scale
+        ) / scales[e]
         threes[e] = (
             E3[0] * slopes[e]
             + E3[5] * slopes[5 * n + e]
@@ -97,7 +136,7 @@ def _estimates(slopes, n, used, x, x_end, rtol, atol, fives, threes):
             + E3[9] * slopes[9 * n + e]
             + E3[10] * slopes[10 * n + e]
             + E3[11] * slopes[11 * n + e]
-        ) / scale
+        ) / scales[e]
 
 
 @njit(**INNER)

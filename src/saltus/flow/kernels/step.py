@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
-from saltus.flow.kernels.stages import dense_coefficients, stage
+from saltus.flow.kernels.stages import dense_coefficients, group_size, stage
 from saltus.flow.kernels.state import EPSILON, ERROR_BEFORE, STEP_BEFORE
-from saltus.system.compiled import FUNCTIONS
+from saltus.scales import SMALLEST
+from saltus.system.compiled import FUNCTIONS, SHARES
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, call, outlined
+from saltus.system.numba_tools.pointers import INNER, call, numbers_at, outlined
 
 FIELD = FUNCTIONS.index("field")
 
@@ -45,12 +46,23 @@ def size_of_terms(gradient, n, size):
 
 
 @njit(**INNER)
+def _scale(shares, used, e, x, rtol, atol):
+    """Tolerance of a state at a first step."""
+    size = abs(x[e]) if shares[e] >= 0.0 else group_size(shares, used, e, x)
+    return (atol if size == 0.0 else atol * max(shares[e], 0.0) + SMALLEST) + rtol * size
+
+
+@njit(**INNER)
 def first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end):
-    """A first step (Hairer, Norsett & Wanner 1993, section II.4): an Euler step gives the second derivative."""
+    """A first step (Hairer, Norsett & Wanner 1993, section II.4): an Euler step gives the second derivative.
+
+    A state without a share of the absolute tolerance is measured by its own size, or by that of its group, unless it is 0.
+    """
     outlined()
     d0 = d1 = 0.0
+    shares = numbers_at(addresses[SHARES])
     for e in range(used):
-        scale = atol + rtol * abs(x[e])
+        scale = _scale(shares, used, e, x, rtol, atol)
         d0 += (x[e] / scale) ** 2
         d1 += (slopes[e] / scale) ** 2
     d0, d1 = math.sqrt(d0 / used), math.sqrt(d1 / used)
@@ -60,7 +72,8 @@ def first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end):
     call(addresses[FIELD], mode, 0, y, 0, p, x_end, 0)
     d2 = 0.0
     for e in range(used):
-        d2 += ((x_end[e] - slopes[e]) / (atol + rtol * abs(x[e]))) ** 2
+        scale = _scale(shares, used, e, x, rtol, atol)
+        d2 += ((x_end[e] - slopes[e]) / scale) ** 2
     d2 = math.sqrt(d2 / used) / h
     largest = max(d1, d2)
     if not largest < math.inf:

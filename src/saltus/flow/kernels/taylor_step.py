@@ -11,9 +11,10 @@ from saltus.flow.kernels.column import column_value, evaluate, roots, shortened,
 from saltus.flow.kernels.order import first_crossing
 from saltus.flow.kernels.polynomial import ROOTS
 from saltus.flow.kernels.state import DURATION, PASSES, TWO_PI
-from saltus.system.compiled import FUNCTIONS
+from saltus.scales import SMALLEST
+from saltus.system.compiled import FUNCTIONS, SHARES
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, PART, call, outlined, pointer
+from saltus.system.numba_tools.pointers import INNER, PART, call, numbers_at, outlined, pointer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -161,11 +162,13 @@ class Landing(NamedTuple):
 def defect(system, mode, columns, at, h, tolerances, y, slopes):
     """Difference of the series' slopes from the field in the state y there, times h, in tolerances."""
     call(system.addresses[FIELD], mode, 0, y, 0, system.p, slopes, 0)
-    worst = 0.0
+    worst, shares = 0.0, numbers_at(system.addresses[SHARES])
     for e in range(system.n_states):
         slope = column_value(columns.c, columns.order, columns.stride, e, at)[1]
         size = max(abs(y[e]), abs(columns.c[e]))
-        worst = max(worst, abs(slopes[e] - slope) * h / (tolerances.atol + tolerances.rtol * size))
+        worst = max(
+            worst, abs(slopes[e] - slope) * h / (tolerances.atol * shares[e] + SMALLEST + tolerances.rtol * size)
+        )
     return worst
 
 
@@ -208,7 +211,7 @@ def expanded(system, series, tolerances, motion, mode, columns, room):
     """Write the series at the state, in sigma where those in time do not reach far enough: step (nan: none), whether so."""
     n_states, forms, x, numbers, counts = system.n_states, series.forms, motion.x, motion.numbers, motion.counts
     c, order, stride, rtol, atol = columns.c, columns.order, columns.stride, tolerances.rtol, tolerances.atol
-    form, first_event = forms[2 * mode], n_states + 2
+    form, first_event, shares = forms[2 * mode], n_states + 2, numbers_at(system.addresses[SHARES])
     last_event = own_column = first_event
     for k in range(system.n_transitions):
         if system.transitions[3 * k] == mode:
@@ -219,14 +222,14 @@ def expanded(system, series, tolerances, motion, mode, columns, room):
     in_sigma = form >= 0
     if form < 0 or counts[SIGMA_STEPS] <= 0:
         call(series.address, mode, 0, x, 0, series.p, c, 0)
-        h = step_length(c, order, stride, n_states, first_event, last_event, rtol, atol)
+        h = step_length(c, order, stride, n_states, first_event, last_event, (rtol, atol), shares, n_states)
         in_sigma = form >= 0 and not h > TIME_WORTH * numbers[SIGMA_STEP]
         if in_sigma:
             counts[SIGMA_STEPS] = PAUSE
             x[system.n] = math.sqrt(max(forms[2 * mode + 1] * c[own_column], 0.0))
     if in_sigma:
         call(series.address, system.n_modes + mode, 0, x, 0, series.p, c, 0)
-        h = step_length(c, order, stride, n_states + 1, first_event, last_event, rtol, atol)
+        h = step_length(c, order, stride, n_states + 1, first_event, last_event, (rtol, atol), shares, n_states)
         counts[SIGMA_STEPS] -= 1
     if not h > 0.0:
         return math.nan, in_sigma

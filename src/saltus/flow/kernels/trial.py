@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import math
 
-from numba import int64
-
 from saltus.flow.kernels.implicit_step import REACH
-from saltus.flow.kernels.stages import error_norm
+from saltus.flow.kernels.stages import state_error
 from saltus.flow.kernels.state import GUESSED, TWO_PI
 from saltus.flow.kernels.step import FIELD, dense_output, full_step, step_factor
+from saltus.scales import SMALLEST
+from saltus.system.compiled import SHARES
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, PART, call, invoke, outlined
+from saltus.system.numba_tools.pointers import INNER, PART, call, invoke, numbers_at, outlined
+
+
+@njit(**INNER)
+def _keeps_signs(shares, used, x, x_end):
+    """Whether no state that stays on its side of 0 has crossed it in a step; one below all doubles is 0 from there on."""
+    outlined()
+    for e in range(used):
+        if shares[e] == 0.0:
+            if abs(x_end[e]) < SMALLEST:
+                x_end[e] = 0.0
+            elif x_end[e] * math.copysign(1.0, x[e]) < 0.0:
+                return False
+    return True
 
 
 @njit(**PART)
@@ -20,7 +33,8 @@ def attempt(system, tolerances, state, mode, stride, room):
     addresses, n, p, h, slopes, x_end = system.addresses, system.n, system.p, stride.h, state.slopes, room.x_end
     if tolerances.attempt == 0:
         full_step(addresses, mode, n, p, h, state.x, slopes, room.y, x_end)
-        error = error_norm(slopes, n, int64(0), system.n_states, h, state.x, x_end, tolerances.rtol, tolerances.atol)
+        errors = tolerances.rtol, tolerances.atol
+        error = state_error(slopes, n, system.n_states, h, state.x, x_end, errors, numbers_at(addresses[SHARES]))
         factor = step_factor(error, h, state.numbers)
     else:
         before, state.numbers[GUESSED] = state.numbers[GUESSED], 0.0
@@ -30,7 +44,7 @@ def attempt(system, tolerances, state, mode, stride, room):
              state.guess),
         )  # fmt: skip
         factor = min(REACH, step_factor(error, h, state.numbers))
-    accepted = error <= 1.0
+    accepted = error <= 1.0 and _keeps_signs(numbers_at(addresses[SHARES]), system.n_states, state.x, x_end)
     if accepted:
         if stride.wraps:
             x_end[n - 1] = TWO_PI

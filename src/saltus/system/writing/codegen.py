@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import sympy
 
+from saltus.system.faces import groups_of, kinds_of
 from saltus.system.writing.exponents import beyond, exponents_in, kinks_in
 from saltus.system.writing.printer import is_broken, without_poles
 from saltus.system.writing.regularise import multiple_of
@@ -38,6 +39,7 @@ class FlowWriter(Writer):
         self.numbers["LIMITS"] = tuple(any(2 * power == 1 for power in found) for found in powers)
         self.numbers["JUMPS"] = tuple(bool(s.jumps(k)) for k in modes)
         self.numbers["TOO_STEEP"] = tuple(_too_steep(found) for found in powers)
+        self.numbers["KINDS"], self.numbers["GROUPS"] = kinds_of(s), groups_of(s)
         yield self._function("field", {k: self._assign(s.field[k]) for k in modes})
         yield self._function("vary", {k: self._vary(s.field[k]) for k in modes})
         yield self._by_parameter("field_p", {k: s.field[k] for k in modes})

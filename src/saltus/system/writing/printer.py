@@ -10,6 +10,7 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from saltus.errors import DefinitionError
 from saltus.system.grammar import clipped
+from saltus.system.powers import Power
 
 __all__ = ["code_printer", "is_broken", "without_poles"]
 
@@ -99,6 +100,8 @@ def code_printer(*, clamped: bool) -> Any:
             return f"({text}**{power} if {text} >= 0.0 or {power} == math.floor({power}) else 0.0)"
 
         def _print_Function(self, expr: Any) -> str:
+            if isinstance(expr, Power):
+                return self._term(*expr.args)
             if expr.func.__name__ != _POLE:
                 return str(super()._print_Function(expr))
             base, exponent = f"({self._print(expr.args[0])})", expr.args[1]
@@ -106,6 +109,15 @@ def code_printer(*, clamped: bool) -> Any:
             if exponent.is_Rational and exponent.q == 2:
                 power = f"1.0/{self._power(base, -int(exponent.p), 2)}"
             return f"({power} if {base} > 0.0 else 0.0)"
+
+        def _term(self, base: Any, exponent: Any, k: Any, coefficient: Any) -> str:
+            """A coefficient times a power and powers of its logarithm; where the base is 0, their limit."""
+            b, e, c = (f"({self._print(part)})" for part in (base, exponent, coefficient))
+            power = f"{b}**{e}"
+            if clamped:
+                power = f"({power} if {b} >= 0.0 or {e} == math.floor({e}) else 0.0)"
+            logarithm = f"*math.log(abs({b}) if abs({b}) > 0.0 or {e} <= 0.0 else 1.0)"
+            return f"(0.0 if {c} == 0.0 else {c}*{power}{logarithm * int(k)})"
 
         @staticmethod
         def _power(base: str, p: int, q: int) -> str:
