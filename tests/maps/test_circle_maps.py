@@ -16,6 +16,7 @@ from saltus import (
     continue_orbit,
     find_attractors,
     find_orbit,
+    iterate,
     lyapunov_spectrum,
     run_sweep,
     solve_orbit,
@@ -109,6 +110,52 @@ def test_accelerating_motion_of_the_standard_map_is_no_orbit_of_the_plane():
     turning = solve_orbit(STANDARD, x0=[3.0, TURN])
     assert turning.winding == {"x": 1}
     assert turning.x0[1] == pytest.approx(TURN)
+
+
+LONG = 1_000_000
+EXPANDING = Map(("x",), {"k": 0.5}, {"x": "2*x + k*sin(x)"}, angles=("x",), name="expanding map of the circle")
+CAT = Map(("x", "y"), {}, {"x": "2*x + y", "y": "x + y"}, angles=("x", "y"), name="Arnold's cat map")
+
+
+def missed(angles, images):
+    """How far angles are from images, on the circle."""
+    return float(np.abs(np.exp(1j * angles) - np.exp(1j * images)).max())
+
+
+def test_an_expanding_map_of_the_circle_keeps_its_digits():
+    x = iterate(EXPANDING, x0=[0.1], n=LONG).states[:, 0]
+    assert np.all((x >= -math.pi) & (x < math.pi))
+    assert missed(x[1:], 2.0 * x[:-1] + 0.5 * np.sin(x[:-1])) < 4e-15
+    mean = float(np.mean(np.log(2.0 + 0.5 * np.cos(x[1000:]))))
+    found = lyapunov_spectrum(EXPANDING, {}, [0.1], average=Average(periods=LONG // 4))
+    assert abs(found.exponents[0] - mean) < 3.0 * found.errors[0]
+    assert run_sweep(EXPANDING, "k", [0.0, 0.5], x0=[0.1]).labels[0].tolist() == ["chaotic"] * 2
+
+
+def test_arnold_s_cat_map_keeps_its_digits_and_has_the_exponents_of_its_matrix():
+    x, y = iterate(CAT, x0=[0.1, 0.2], n=LONG).states.T
+    assert missed(x[1:], 2.0 * x[:-1] + y[:-1]) < 4e-15
+    assert missed(y[1:], x[:-1] + y[:-1]) < 4e-15
+    found = lyapunov_spectrum(CAT, {}, [0.1, 0.2], average=Average(periods=1000))
+    assert found.exponents == pytest.approx(np.log([(3.0 + math.sqrt(5.0)) / 2.0, (3.0 - math.sqrt(5.0)) / 2.0]))
+    assert np.all(np.abs(found.x_end) <= math.pi)
+
+
+@pytest.mark.parametrize("discard", [0, 1000])
+def test_turns_of_a_rotation_are_counted_and_rounding_does_not_grow_with_them(discard):
+    """A rotation by a fifth of a turn and two more is where it was after five iterations, however long it goes on."""
+    turning = Map(("x",), {}, {"x": "x + 2*pi*11/5"}, angles=("x",))
+    x = iterate(turning, x0=[0.3], n=10_000, discard=discard).states[:, 0]
+    expected = 0.3 + TURN * 2.2 * np.arange(discard, discard + x.size)
+    assert x == pytest.approx(expected, rel=1e-13)
+    far = iterate(turning, x0=[0.3], discard=LONG, n=0).states[0, 0]
+    assert far - TURN * 2.2 * LONG == pytest.approx(0.3, abs=1e-8)
+
+
+def test_a_start_whole_turns_away_has_the_same_motion():
+    here = iterate(CIRCLE, {"w": 1.0}, x0=[0.3], n=1000).states[:, 0]
+    away = iterate(CIRCLE, {"w": 1.0}, x0=[0.3 + 5.0 * TURN], n=1000).states[:, 0]
+    assert away - here == pytest.approx(np.full(1001, 5.0 * TURN), abs=1e-11)
 
 
 def test_circle_maps_are_kept_as_plain_data(tmp_path):

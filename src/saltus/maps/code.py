@@ -30,12 +30,13 @@ class MapCode(NamedTuple):
     functions: NDArray[np.int64]
     guards: NDArray[np.int64]  # shape (pieces + 1,): `Map.guards`
     p: NDArray[np.float64]  # parameters, with the constants behind them
+    circles: NDArray[np.int64]  # shape (angles,): places of the angles among the states
 
 
 def code_of(system: Map, p: NDArray[np.float64]) -> MapCode:
     """Return what kernels need of a map at parameters as `Map.parameter_vector` returns them."""
     addresses = system.compiled.addresses[[FUNCTIONS.index(name) for name in _CALLED]]
-    return MapCode(addresses, system.guards, system.compiled.extended(p))
+    return MapCode(addresses, system.guards, system.compiled.extended(p), system.angle_places)
 
 
 def error_of(

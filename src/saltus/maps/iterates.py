@@ -15,6 +15,7 @@ from saltus.errors import InputError
 from saltus.maps.code import LIMIT, STRETCH, MapCode, code_of, error_of
 from saltus.maps.observing import observe_states
 from saltus.result import Result, frozen
+from saltus.system.angles import TURN
 from saltus.system.evaluate import evaluate
 from saltus.system.maps import Map
 from saltus.system.plain import held_map, held_parameters
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
     from saltus.system.states import StateLike
 
-__all__ = ["Iterates", "iterate", "path_from"]
+__all__ = ["Iterates", "iterate", "path_from", "wound_path"]
 
 _RUNS = 8  # stretches of an itinerary that a `repr` lists
 
@@ -43,7 +44,7 @@ class Iterates(Result):
     first : int
         Iterations made before the first state.
     states : ndarray, shape (n + 1, state)
-        The states.
+        The states. An angle counts its turns where the map takes a turn to a turn, and is else between -pi and pi.
     pieces : ndarray of int, shape (n + 1,)
         Index of the piece that holds at each state.
 
@@ -234,7 +235,9 @@ def iterate(
     x = system.full_state(x0)
     kept, dropped = checks.size("n", n, 0), checks.count("discard", discard, 0)
     p = system.parameter_vector(parameters)
-    states, pieces = path_from(system, p, code_of(system, p), x, dropped, kept + 1)
+    states, pieces, turns = wound_path(system, p, code_of(system, p), x, dropped, kept + 1)
+    if turns.any() and _keeps_turns(system, p, states, pieces):
+        states[:, system.angle_places] += TURN * turns
     return Iterates(system, system.resolve(parameters), dropped, states, pieces)
 
 
@@ -243,21 +246,54 @@ def path_from(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return states of a motion, shape (count, states), the first after `discard` iterations, and their pieces.
 
+    Angles are between -pi and pi.
+
     Raises
     ------
     DefinitionError, MapDivergenceError
         As `iterate`.
     """
+    return wound_path(system, p, code, x, discard, count)[:2]
+
+
+def wound_path(
+    system: Map, p: NDArray[np.float64], code: MapCode, x: NDArray[np.float64], discard: int, count: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return what `path_from` does, and the whole turns taken away from each angle so far, shape (count, angles).
+
+    An image is that of angles between -pi and pi: each step rounds alike, however far a motion has gone round.
+    """
     from saltus.maps.kernels import steps as kernels  # with Numba, which takes its time
 
     states, pieces = np.empty((count, len(system.states))), np.empty(count, np.int64)
+    wound, turns = np.zeros(code.circles.size), np.zeros((count, code.circles.size))
     at, made = np.array(x, dtype=np.float64), 0
     while True:
         some = min(discard - made, STRETCH)
         rows = slice(None) if made + some == discard else slice(0)
-        status, step = kernels.path(at, np.empty_like(at), code, LIMIT, some, states[rows], pieces[rows])
+        status, step = kernels.path(
+            at, np.empty_like(at), code, LIMIT, some, states[rows], pieces[rows], wound, turns[rows]
+        )
         if status != kernels.DONE:
             raise error_of(status, made + step, at, system, p)
         if len(states[rows]):
-            return states, pieces
+            return states, pieces, turns
         made += some
+
+
+def _keeps_turns(system: Map, p: NDArray[np.float64], states: NDArray[np.float64], pieces: NDArray[np.int64]) -> bool:
+    """Whether a turn of each angle is a turn of its image, and of no other angle: then turns can be counted.
+
+    It is looked at in each piece that a motion visits, at the first state there.
+    """
+    places = system.angle_places
+    for piece, first in zip(*np.unique(pieces, return_index=True), strict=True):
+        x = np.ascontiguousarray(states[first])
+        image = system.compiled.field(int(piece), x, p)
+        for place in places:
+            on = x.copy()
+            on[place] += TURN
+            gone = (system.compiled.field(int(piece), on, p) - image)[places] / TURN
+            if not np.array_equal(np.round(gone), (places == place).astype(float)):
+                return False
+    return True

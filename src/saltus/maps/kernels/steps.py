@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from saltus.system.angles import TURN
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import call
 from saltus.system.tiling import NUDGE
@@ -88,8 +89,21 @@ def bounded(x, limit):
 
 
 @part
+def turns_beyond(x):
+    """Whole turns by which an angle is outside -pi to pi, by the rule of `saltus.system.angles.wrapped`."""
+    return 0.0 if -math.pi <= x < math.pi else math.floor(x / TURN + 0.5)
+
+
+@part
+def onto_circles(x, code):
+    """Move the angles of a state by whole turns to between -pi and pi."""
+    for j in range(code.circles.size):
+        x[code.circles[j]] -= TURN * turns_beyond(x[code.circles[j]])
+
+
+@part
 def advanced(x, y, code):
-    """Replace a state by its image; return the piece that held before, negative where not exactly one did.
+    """Replace a state by its image on the circles; return the piece that held before, negative where not exactly one did.
 
     y: (n,) or more, working space.
     """
@@ -98,28 +112,37 @@ def advanced(x, y, code):
         call(code.functions[0], piece, 0, x, 0, code.p, y, 0)
         for i in range(x.size):
             x[i] = y[i]
+        onto_circles(x, code)
     return piece
 
 
 @njit(cache=True, **SCALAR)
-def path(x, y, code, limit, discard, states, pieces):
+def path(x, y, code, limit, discard, states, pieces, wound, turns):
     """Write the path of a motion from x, after `discard` iterations: a status, and how many iterations were made.
 
-    x: (n,), the start, then the last state. y: (n,), working space. states: (m, n); pieces: (m,), that of each state.
-    Without any states x is what follows `discard` iterations.
+    x: (n,), the start, then the last state. y: (n,), working space. states: (m, n), their angles between -pi and pi;
+    pieces: (m,), that of each state. Without any states x is what follows `discard` iterations. wound: (angles,), whole
+    turns that were taken away so far; turns: (m, angles), those at each state.
     """
     n = x.size
     for step in range(discard + states.shape[0]):
         if not bounded(x, limit):
             return DIVERGED, step
+        for j in range(wound.size):
+            gone = turns_beyond(x[code.circles[j]])
+            x[code.circles[j]] -= TURN * gone
+            wound[j] += gone
         at = step - discard
         if at >= 0:
             for i in range(n):
                 states[at, i] = x[i]
-        if 0 <= at == states.shape[0] - 1:
-            piece = piece_of(x, code, y)
-        else:
-            piece = advanced(x, y, code)
+            for j in range(wound.size):
+                turns[at, j] = wound[j]
+        piece = piece_of(x, code, y)
+        if piece >= 0 and at < states.shape[0] - 1:
+            call(code.functions[0], piece, 0, x, 0, code.p, y, 0)
+            for i in range(n):
+                x[i] = y[i]
         if piece < 0:
             return NOWHERE, step
         if at >= 0:
@@ -228,6 +251,7 @@ def growth(x, frame, work, code, limit, ends, logs, at, most):
             call(code.functions[1], piece, columns, before, 0, code.p, after, 0)
             for i in range(n):
                 x[i] = after[i]
+            onto_circles(x, code)
             for i in range(frame.size):
                 frame[i] = after[n + i]
             orthonormal(frame, n, columns, total)
