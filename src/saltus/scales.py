@@ -8,6 +8,7 @@ the residual that was reached, and rounding. Whoever gets `Verdict.UNCLEAR` comp
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -17,10 +18,14 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["EPS", "Scales", "Verdict", "near", "same", "zero"]
+__all__ = ["EPS", "ILL_CONDITIONED", "Scales", "Verdict", "near", "same", "zero"]
 
 # Spacing of doubles at 1: the relative rounding of one operation.
 EPS = float(np.finfo(float).eps)
+
+# An error in a function's states and its own rounding are apart by more than this only where half of the digits of
+# its zero are lost: next to a double zero.
+ILL_CONDITIONED = math.sqrt(EPS)
 
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.
