@@ -22,6 +22,7 @@ __all__ = [
     "CARRIED",
     "EPS",
     "FINEST",
+    "ILL_CONDITIONED",
     "ROUGH",
     "ROUNDED_ROUNDS",
     "ROUNDS_ALIKE",
@@ -47,6 +48,10 @@ SEPARATED = 1e-5
 
 # The least double of full precision: what is below has no relative error that could be kept.
 SMALLEST = float(np.finfo(float).tiny)
+
+# An error in a function's states and its own rounding are apart by more than this only where half of the digits of
+# its zero are lost: next to a double zero.
+ILL_CONDITIONED = math.sqrt(EPS)
 
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.

@@ -18,9 +18,11 @@ from saltus.ensemble.labels import ADDRESSED, CHANGES, EVENT, GONE, HARD, HUGE, 
 from saltus.ensemble.lane_kinds import Pool
 from saltus.ensemble.lane_text import LaneText
 from saltus.ensemble.taylor_step import taylor_step
+from saltus.scales import EPS
 from saltus.system.expansion import expanded, proportional
 from saltus.system.own_states import absent_states
 from saltus.system.parts import at_phases
+from saltus.system.writing.rounding import rounding_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 __all__ = ["LaneWriter"]
 
 _CLEAR = 1e-12  # rate of an event function, over its terms, above which its sign is no rounding
+_NOISE = 256.0 * EPS  # distance from 0, in roundings of 1, at which an event function is clear of them
+_SOON = 1e-6  # periods after which that is soon
 _CLOSE = 1e-6  # event function at a landing, over its size, at most
 
 _HEAD = """
@@ -239,8 +243,24 @@ class LaneWriter(LaneText):
                     f"    if not abs({value})*{self.place(f'escale{transition}')} < {_CLOSE!r}:",
                     f"        return {HARD}",
                 ]
+            lines += [f"    {line}" for line in self._unclear(transition, names)]
             lines += [f"    {line}" for line in self._met(pool, transition, names)]
         return lines
+
+    def _unclear(self, transition: int, names: dict[sympy.Expr, str]) -> list[str]:
+        """Statements that leave a landing to the event-driven flow, where rounding may have made the event.
+
+        It is clear where the function is above its rounding soon before and soon after.
+        """
+        s = self.system
+        errors = {symbol: f"abs({names[symbol]})" for symbol in s.x}
+        lines, _, rounding = rounding_lines(s.event[transition], lambda e: self.text_of(e, names), errors)
+        rate = self.text_of(s.rate[transition], names)
+        return [
+            *lines,
+            f"if not {_NOISE!r}*({rounding or '0.0'}) < {_SOON!r}*{self.place('period')}*abs({rate}):",
+            f"    return {HARD}",
+        ]
 
     def _met(self, pool: Pool, transition: int, names: dict[sympy.Expr, str]) -> list[str]:
         """Statements of a lane on the surface of a transition: the first that happens there is taken.

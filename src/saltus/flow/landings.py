@@ -126,8 +126,11 @@ def _behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.flo
     compiled.call("event_x", k, 0, moved, extended, seen)
     if not float(seen[1]) * direction > 0.0:
         return None
+    there = seen[:2].tolist()
     compiled.call("reset", k, 0, moved, extended, thrown)
     compiled.call("event_x", k, 0, thrown, extended, seen)
+    if seen[:2].tolist() == there:  # a counter, whatever its function does elsewhere
+        return None
     back = float(seen[0]) * direction < -near or float(seen[1]) * direction < 0.0
     return value * direction if back else None
 

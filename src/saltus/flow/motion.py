@@ -121,6 +121,7 @@ class EventDrivenMotion:
         self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
         self.counts[[kernels.FIRED, kernels.MODE_BEFORE]] = -1
         self.side, self.on = self._start_sides(mode), np.zeros(len(rows), np.int64)
+        self.n_touched, self.touched = np.zeros(len(rows), np.int64), np.zeros((len(rows), 2))
         self.value, self.first_steps = np.zeros(len(rows)), np.zeros(len(index))
         m = steps_kept
         self.step_buffers = (np.empty((m, 2)), np.empty(m, np.int64), np.empty((m, n)), np.empty((m, 7, n)))
@@ -142,7 +143,7 @@ class EventDrivenMotion:
             kernels.Tolerances(self.rtol, self.atol, *self._ways),
             kernels.State(
                 self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
-                self.first_steps, self._guess,
+                self.first_steps, self._guess, self.n_touched, self.touched,
             ),
             kernels.Steps(len(self.step_buffers[0]), *self.step_buffers),
             kernels.Events(len(self.event_buffers[0]), *self.event_buffers),

@@ -5,6 +5,8 @@ docs/theory/flow.md, "Event-driven simulation", explains the method.
 Rules
 -----
 * A transition happens where its event function changes sign in its direction and its condition `when` is positive.
+* The change of sign is one above the rounding of the function. Where the function touches 0, or stays at 0, to its
+  rounding, there is no event: `Trajectory.touches` names such places.
 * Where several happen at the same time, the first in the definition comes first. Another follows at once if, after the
   reset, the mode is still its source and its event function still passes zero.
 * A motion that starts on an event surface leaves it to one side. If this is the side of the event's direction, the
@@ -43,6 +45,7 @@ from saltus.flow.landings import warn_behind_wall, warn_of
 from saltus.flow.motion import EventDrivenMotion, how_long, start_state, tolerances_of
 from saltus.flow.sizes import RTOL, followed_in_size
 from saltus.flow.starting import starting_mode
+from saltus.flow.touches import touches_of
 from saltus.flow.trajectory import Trajectory
 from saltus.result import frozen
 from saltus.system.hybrid import HybridSystem
@@ -227,6 +230,7 @@ def simulate(
         step_dense=frozen(dense),
         tolerance=(run.rtol, run.atol),
         implicit_steps=run.implicit_steps,
+        touches=touches_of(system, run.n_touched, run.touched),
     )
     warn_of(motion.landings_beyond)
     return motion

@@ -17,6 +17,7 @@ from saltus.flow.amplitude_spectrum import Window, spectrum
 from saltus.flow.event_tables import code_of, event_table, indices_of
 from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, dense_states, observe
+from saltus.flow.touches import Touch, held_touches, touch_table
 from saltus.result import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
@@ -71,6 +72,8 @@ class Trajectory(Result):
         Relative and absolute tolerance of a step.
     implicit_steps : int
         How many of the steps were implicit ones, of a stiff stretch.
+    touches : tuple of `saltus.flow.touches.Touch`
+        Events whose functions are zero to rounding at some places without a change of sign: these are no events.
 
     Examples
     --------
@@ -95,6 +98,7 @@ class Trajectory(Result):
     step_dense: NDArray[np.float64] = field(repr=False)
     tolerance: tuple[float, float] = (1e-10, 1e-12)
     implicit_steps: int = 0
+    touches: tuple[Touch, ...] = ()
 
     def __call__(self, t: ArrayLike) -> NDArray[np.float64]:
         """Return the full state at times `t`, shape (all states,) for a number, (time, all states) for an array.
@@ -301,6 +305,7 @@ class Trajectory(Result):
         title = repr(self.system.name) if self.system.name else "a system"
         beyond = "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])
         beyond += f", and {more} more like it" if (more := len(self.landings_beyond) - 1) > 0 else ""
+        beyond += "".join(f"\n  {touch}" for touch in self.touches)
         end = ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.system.all_states, self.x_end, strict=True))
         return (
             f"Trajectory of {title} over 0 <= t <= {self.t_end:.10g}: {steps}, {told}\n"
@@ -334,6 +339,8 @@ class Trajectory(Result):
             "step_start": (("step", "state"), np.array(self.step_starts)),
             "step_dense": (("step", "coefficient", "state"), np.array(self.step_dense)),
         }
+        if self.touches:
+            variables["touches"] = (("touch", "touch_field"), touch_table(self.system, self.touches))
         attrs = {
             "definition": json.dumps(self.system.definition()),
             "parameters": json.dumps(dict(self.parameters)),
@@ -382,6 +389,7 @@ class Trajectory(Result):
             tolerance=(held.number("rtol", least=0.0), held.number("atol", least=0.0)),
             # absent from earlier files
             implicit_steps=held.count("implicit_steps") if "implicit_steps" in held.dataset.attrs else 0,
+            touches=held_touches(system, held),
         )
 
     def _times(self, t: ArrayLike) -> NDArray[np.float64]:

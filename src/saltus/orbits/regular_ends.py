@@ -55,10 +55,32 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
         return apart
 
     for i, block in enumerate(blocks[1:]):
-        laid = _laid_on(problem, followed, (first + i) % problem.segments, np.ascontiguousarray(block[:n]))
+        segment = (first + i) % problem.segments
+        laid = not _at_once(problem, segment, block) and _laid_on(
+            problem, followed, segment, np.ascontiguousarray(block[:n])
+        )
         kinds.append(MEAN_END if laid else EVENT_END)
     chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
     return chosen, blocks.ravel()
+
+
+def _at_once(problem: OrbitProblem, segment: int, block: NDArray[np.float64]) -> bool:
+    """Return whether a segment's event follows at once upon the one before: zero length is its end, and a regular one.
+
+    The motion goes through the surface there with a clear rate, whose sign stays.
+    """
+    n, compiled, p = problem.n, problem.system.compiled, problem.extended
+    x, duration = np.ascontiguousarray(block[:n]), float(block[n])
+    own, seen, moved = int(problem.signature.transitions[segment]), np.empty(2 + 2 * n), np.empty(n)
+    compiled.call("field", int(problem.signature.modes[segment]), 0, x, p, moved)
+    rates = []
+    for state in (x, x + duration * moved):
+        compiled.call("event_x", own, 0, state, p, seen)
+        reach, speed = (float(np.abs(part) @ problem.state_scale) for part in (seen[2 : 2 + n], seen[2 + n :]))
+        if not (abs(seen[0]) <= _ON * reach and abs(duration * seen[1]) <= _ON * reach and abs(seen[1]) > _ON * speed):
+            return False
+        rates.append(float(seen[1]))
+    return rates[0] * rates[1] > 0.0
 
 
 def _laid_on(

@@ -46,10 +46,10 @@ Formulas: TypeAlias = tuple[tuple[str, tuple[str, ...]], ...]  # of each its tex
 
 # Names of the generated functions, in the order of `Compiled.addresses`.
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
-             "outputs", "guard", "ways")  # fmt: skip
+             "outputs", "guard", "ways", "rounding")  # fmt: skip
 
 # Those that a motion needs.
-MOTION = ("derive", "field", "event", "event_x", "reset", "guard", "ways")
+MOTION = ("derive", "field", "event", "event_x", "reset", "guard", "ways", "rounding")
 
 # Place behind the functions' addresses of that of the states' shares of an absolute tolerance, shape (n,).
 SHARES = len(FUNCTIONS)
@@ -340,7 +340,7 @@ _TEXT = (
     "writing.regularise",
     "writing.writer",
 )
-_FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "faces", "writing.codegen"))
+_FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "faces", "writing.rounding", "writing.codegen"))
 SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "writing.linear_split", "writing.taylor"))
 
 

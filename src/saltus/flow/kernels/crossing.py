@@ -16,8 +16,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import int64
 
+from saltus.flow.kernels.order import NEVER
 from saltus.flow.kernels.polynomial import ROOTS, bernstein_roots, bernstein_value, variations
-from saltus.flow.kernels.stages import dense_value
+from saltus.flow.kernels.rounded import (
+    BESIDE,
+    WIDEST,
+    Along,
+    clear_zeros,
+    known_side,
+    rounding_at,
+    starts_flat,
+    stays_away,
+    touched_at,
+    value_at,
+)
 from saltus.flow.kernels.state import AGAIN, DONE, EVENT_NOT_FINITE, FIRED, MODE_BEFORE, PASSES, TWO_PI
 from saltus.flow.kernels.step import ROUNDING, size_of_terms
 from saltus.system.compiled import FUNCTIONS
@@ -64,7 +76,9 @@ class Surface(NamedTuple):
     on : bool
         The step starts on its surface, so that this zero is divided out.
     rounding : float
-        Rounding of the function. A step that stays within it of the surface shows only the function's rate.
+        Rounding of the function on its surface. A step that stays within it shows only the function's rate.
+    noise : float
+        Rounding of the function's evaluation.
     rate_h, rate_end : float
         Its rates at the ends, times the step.
     rate_counts : bool
@@ -82,12 +96,22 @@ class Surface(NamedTuple):
     end: float
     on: bool
     rounding: float
+    noise: float
     rate_h: float
     rate_end: float
     rate_counts: bool
     consumed: bool
     side: int
     direction: int
+
+
+class Rates(NamedTuple):
+    """Length of a step, rates of an event function at its ends times that, and whether the first is more than rounding."""
+
+    h: float
+    start: float
+    end: float
+    counts: bool
 
 
 class Fit(NamedTuple):
@@ -115,15 +139,6 @@ class Ends(NamedTuple):
 
 
 @njit(**INNER)
-def _event_at(addresses, k, n, p, x, dense, s, y, event):
-    """Event function at a fraction of the step."""
-    outlined()
-    dense_value(dense, int64(0), n, x, int64(0), s, y)
-    call(addresses[EVENT], k, 0, y, 0, p, event, 0)
-    return event[0]
-
-
-@njit(**INNER)
 def _leaving_side(q, degree, rate_counts, rounding):
     """Side to which a motion leaves a surface: the sign of h / s near 0, with the coefficients q of h / s; 0: stays."""
     if rate_counts and q[0] != 0.0:
@@ -139,25 +154,20 @@ def _leaving_side(q, degree, rate_counts, rounding):
 
 
 @njit(**PART)
-def _sample(system, surface, x, dense, a, width, at_a, y, event, values):
+def _sample(system, surface, along, a, width, at_a, values):
     """Values of an event function at the nodes of a piece of the step from a, and the largest size of them."""
     end = a + width
     values[0] = at_a
-    values[DEGREE] = (
-        surface.end
-        if end >= 1.0
-        else _event_at(system.addresses, surface.k, system.n, system.p, x, dense, end, y, event)
-    )
+    values[DEGREE] = surface.end if end >= 1.0 else value_at(system, along, end)
     largest = max(abs(values[0]), abs(values[DEGREE]))
     for i in range(1, DEGREE):
-        at = a + width * FIT_NODES[i]
-        values[i] = _event_at(system.addresses, surface.k, system.n, system.p, x, dense, at, y, event)
+        values[i] = value_at(system, along, a + width * FIT_NODES[i])
         largest = max(largest, abs(values[i]))
     return largest
 
 
 @njit(**PART)
-def _fits(system, surface, x, dense, a, width, origin, tolerance, y, event, fit):
+def _fits(system, along, a, width, origin, tolerance, fit):
     """Fit a piece from its values above the origin; whether the event function agrees between the nodes."""
     for i in range(DEGREE + 1):
         total = 0.0
@@ -166,15 +176,14 @@ def _fits(system, surface, x, dense, a, width, origin, tolerance, y, event, fit)
         fit.b[i] = total
     for i in range(2):
         fitted, _slope = bernstein_value(fit.b, int64(DEGREE), CHECKS[i], fit.work)
-        at = a + width * CHECKS[i]
-        exact = _event_at(system.addresses, surface.k, system.n, system.p, x, dense, at, y, event)
+        exact = value_at(system, along, a + width * CHECKS[i])
         if not abs(fitted + origin - exact) <= tolerance:
             return False
     return True
 
 
 @njit(**INNER)
-def _rough(system, surface, x, dense, piece, y, event, values, found, count, now, jumps):
+def _rough(system, surface, along, piece, values, found, count, now, jumps):
     """Changes of sign in a piece of the step where no polynomial fits, from node to node.
 
     The function goes to zero there, as at a kink, or not, as at a jump or a pole: then its bit is set in `jumps`.
@@ -182,7 +191,7 @@ def _rough(system, surface, x, dense, piece, y, event, values, found, count, now
     """
     outlined()
     for i in range(DEGREE + 1):
-        side = 1 if values[i] > 0.0 else (-1 if values[i] < 0.0 else 0)
+        side = 1 if values[i] > surface.noise else (-1 if values[i] < -surface.noise else 0)
         if side == 0 or side == now:
             continue
         if now != 0:
@@ -191,9 +200,7 @@ def _rough(system, surface, x, dense, piece, y, event, values, found, count, now
             found[count], is_zero = piece.a, True
             if i > 0:
                 low, high = FIT_NODES[i - 1], FIT_NODES[i]
-                found[count], is_zero = _halved(
-                    system, surface, x, dense, piece, low, high, values[i - 1], values[i], y, event
-                )
+                found[count], is_zero = _halved(system, along, piece, low, high, values[i - 1], values[i])
             if not is_zero:
                 jumps |= int64(1) << count
             count += 1
@@ -202,22 +209,20 @@ def _rough(system, surface, x, dense, piece, y, event, values, found, count, now
 
 
 @njit(**INNER)
-def _halved(system, surface, x, dense, piece, low, high, before, behind, y, event):
+def _halved(system, along, piece, low, high, before, behind):
     """Where an event function changes its sign between two fractions of a piece, and whether it is zero there."""
     outlined()
     apart = abs(before) + abs(behind)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        value = _event_at(
-            system.addresses, surface.k, system.n, system.p, x, dense, piece.a + piece.width * middle, y, event
-        )
+        value = value_at(system, along, piece.a + piece.width * middle)
         if value * behind > 0.0:
             high, behind = middle, value
         else:
             low, before = middle, value
-    n, rounding = system.n, 0.0
+    n, rounding, x, y, event = system.n, 0.0, along.x, along.y, along.event
     # next to a pole the slopes say nothing of the rounding
-    call(system.addresses[EVENT_X], surface.k, 0, x, 0, system.p, event, 0)
+    call(system.addresses[EVENT_X], along.k, 0, x, 0, system.p, event, 0)
     for e in range(n):
         size = TWO_PI if system.phase > 0.0 and e == n - 1 else max(abs(x[e]), abs(y[e]))
         rounding += ROUNDING * abs(event[2 + e]) * size
@@ -244,8 +249,18 @@ def _stays_on(surface, values):
     return farthest <= surface.rounding
 
 
+@njit(**PART)
+def _first_side(surface, values, origin):
+    """Side to which a motion leaves a surface, where no polynomial fits; its known one where no node tells."""
+    least = max(surface.noise, surface.rounding)
+    for i in range(1, DEGREE + 1):
+        if abs(values[i] - origin) > least:
+            return 1 if values[i] > origin else -1
+    return known_side(surface.side)
+
+
 @njit(**INNER)
-def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
+def _scan(system, surface, along, tolerances, fit, found):
     """All zeros of an event function in the step, in order.
 
     Returns the count of zeros (-1: too many for one step) and the side before the first of them (0: not known yet).
@@ -260,7 +275,7 @@ def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
     values, b = fit.values, fit.b
     while a < 1.0:
         end = a + width
-        largest = _sample(system, surface, x, dense, a, width, at_a, y, event, values)
+        largest = _sample(system, surface, along, a, width, at_a, values)
         on_here = surface.on and a == 0.0
         origin = values[0] if on_here else 0.0
         if on_here and end >= 1.0 and _stays_on(surface, values):
@@ -276,13 +291,18 @@ def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
                 return 1, leaves, True, jumps
             return 0, leaves, True, jumps
         tolerance = max(0.1 * (tolerances.atol + tolerances.rtol * largest), max(1e-12 * largest, surface.rounding))
-        fits = _fits(system, surface, x, dense, a, width, origin, tolerance, y, event, fit)
+        fits = _fits(system, along, a, width, origin, tolerance, fit)
+        fits = fits or (surface.noise > tolerance and _fits(system, along, a, width, origin, surface.noise, fit))
         if not fits and width > 1.0 / 512.0:
             width *= 0.5
             continue
-        if not fits and not on_here:
+        if not fits:
+            if on_here:
+                before = now = _first_side(surface, values, origin)
+                if now != 0 and _crosses(surface, now):
+                    before, found[0], count = -now, 0.0, 1
             piece = Piece(a, width, tolerance)
-            count, now, jumps = _rough(system, surface, x, dense, piece, y, event, values, found, count, now, jumps)
+            count, now, jumps = _rough(system, surface, along, piece, values, found, count, now, jumps)
             if count < 0:
                 return -1, before, False, jumps
             before = now if before == 0 else before
@@ -330,39 +350,60 @@ def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
 
 
 @njit(**INNER)
-def _stays_away(addresses, k, n, p, x, dense, value_0, slope_0, value_1, slope_1, y, event):
-    """Whether an event function is far from zero in the whole step.
+def _sought(system, tolerances, state, mode, along, rates, slopes, crossings, ends, fit):
+    """Find the zeros of one event function in a step, and leave those above rounding; whether all could be found.
 
-    The cubic with the values and slopes at both ends lies within its Bernstein coefficients; all of them must be ten
-    times farther from zero than the function is from the cubic, at two points.
+    slopes: the rounding on its surface, by its slopes, where the step starts there; negative where these tell nothing.
     """
     outlined()
-    b1, b2 = value_0 + slope_0 / 3.0, value_1 - slope_1 / 3.0
-    if value_0 > 0.0:
-        least = min(min(value_0, b1), min(b2, value_1))
-    else:
-        least = -max(max(value_0, b1), max(b2, value_1))
-    if not least > 0.0:
+    k, side = along.k, state.side[along.k]
+    found, on = pointer(crossings.found, ROOTS * k), state.on[k] == 1
+    # next to a pole the rounding is large: the smaller one is that of the function's zeros
+    noise = min(
+        rounding_at(system, k, along.x, state.size, along.sized),
+        rounding_at(system, k, along.x_end, state.size, along.sized),
+    )
+    flat = slopes < 0.0
+    consumed = k == state.counts[FIRED] and state.counts[MODE_BEFORE] == mode
+    surface = Surface(
+        k, state.value[k], ends.value[k], on, noise if flat else slopes, noise, rates.start, rates.end, rates.counts,
+        consumed, side, system.transitions[3 * k + 2],
+    )  # fmt: skip
+    count, before, still_on, jumps = _scan(system, surface, along, tolerances, fit, found)
+    if count < 0:
+        crossings.n_found[k] = count
         return False
-    for s in (0.2831, 0.6137):
-        other = 1.0 - s
-        cubic = other**3 * value_0 + 3.0 * s * other * (other * b1 + s * b2) + s**3 * value_1
-        if not 10.0 * abs(_event_at(addresses, k, n, p, x, dense, s, y, event) - cubic) < least:
-            return False
+    if flat and abs(surface.end) <= noise:
+        count, before, still_on, jumps = 0, side, True, int64(0)
+    if still_on:
+        crossings.touched[k] = 0.0 if flat else NEVER
+    elif count > 0:
+        first = 1 if on and found[0] == 0.0 and not flat else 0
+        is_known = not flat or known_side(side) != 0
+        count, before, jumps, crossings.touched[k] = clear_zeros(
+            system, state, along, rates.h, first, is_known, found, count, before, jumps
+        )
+    elif not on and abs(surface.end) <= noise and WIDEST * abs(rates.end) <= BESIDE * noise:
+        crossings.touched[k] = 1.0
+    elif not on:
+        crossings.touched[k] = touched_at(system, state, along, rates.h, surface.start, rates.start, rates.end)
+    crossings.n_found[k], crossings.before[k], crossings.jumps[k] = count, before, jumps
+    ends.stays[k] = 1 if still_on else 0
     return True
 
 
 @njit(**INNER)
-def seek(system, tolerances, state, mode, h, x_end, dense, crossings, ends, fit, y, event):
-    """Find every zero of every event function of a mode in the step from the state to x_end.
+def seek(system, tolerances, state, mode, h, dense, crossings, ends, fit, room):
+    """Find every zero of every event function of a mode in the step from the state to its end.
 
     Returns AGAIN where there are too many for one step, EVENT_NOT_FINITE where a function is not finite, or else DONE.
     """
     outlined()
-    addresses, n, p, x = system.addresses, system.n, system.p, state.x
+    addresses, n, p, x, x_end, event = system.addresses, system.n, system.p, state.x, room.x_end, room.event
     status = DONE
     for k in range(system.n_transitions):
         crossings.n_found[k] = crossings.passed[k] = crossings.jumps[k] = ends.stays[k] = 0
+        crossings.touched[k] = NEVER
         if system.transitions[3 * k] != mode:
             continue
         on = state.on[k] == 1
@@ -372,27 +413,19 @@ def seek(system, tolerances, state, mode, h, x_end, dense, crossings, ends, fit,
         if on:
             rate_counts = abs(event[1]) > ROUNDING * size_of_terms(pointer(event, 2 + n), n, state.size)
             rounding = ROUNDING * size_of_terms(pointer(event, 2), n, state.size)
+            if starts_flat(system, k, x, state.size, event, room.sized):
+                rounding = -1.0
         call(addresses[EVENT], k, 0, x_end, 0, p, event, 0)
         ends.value[k] = event[0]
         if not abs(event[0]) < math.inf:
             return EVENT_NOT_FINITE
         start, side = state.value[k], state.side[k]
         crossings.before[k] = side
-        if (
-            not on
-            and side * start > 0.0
-            and _stays_away(addresses, k, n, p, x, dense, start, rate_h, event[0], event[1] * h, y, event)
-        ):
+        along = Along(k, x, x_end, dense, room.y, event, room.sized)
+        end_rate = event[1] * h
+        if not on and side * start > 0.0 and stays_away(system, along, start, rate_h, event[0], end_rate):
             continue
-        consumed = k == state.counts[FIRED] and state.counts[MODE_BEFORE] == mode
-        direction = system.transitions[3 * k + 2]
-        surface = Surface(
-            k, start, ends.value[k], on, rounding, rate_h, event[1] * h, rate_counts, consumed, side, direction
-        )  # fmt: skip
-        crossings.n_found[k], crossings.before[k], still_on, crossings.jumps[k] = _scan(
-            system, surface, x, dense, tolerances, y, event, fit, pointer(crossings.found, ROOTS * k)
-        )
-        ends.stays[k] = 1 if still_on else 0
-        if crossings.n_found[k] < 0:
+        rates = Rates(h, rate_h, end_rate, rate_counts)
+        if not _sought(system, tolerances, state, mode, along, rates, rounding, crossings, ends, fit):
             status = AGAIN
     return status

@@ -15,6 +15,7 @@ from saltus.flow.kernels.crossing import DEGREE, PIECE, Ends, Fit, seek
 from saltus.flow.kernels.landing import Room, first_event
 from saltus.flow.kernels.order import NEVER
 from saltus.flow.kernels.polynomial import DEPTH, ROOTS
+from saltus.flow.kernels.rounded import starts_flat
 from saltus.flow.kernels.side import EventEnds, SideRoom, side_after
 from saltus.flow.kernels.state import (
     AGAIN,
@@ -37,6 +38,7 @@ from saltus.flow.kernels.state import (
     MODE_BEFORE,
     N_EVENTS,
     N_STEPS,
+    PASSES,
     RATE_AFTER,
     RESET_NOT_FINITE,
     RESIDUAL,
@@ -56,6 +58,7 @@ from saltus.flow.kernels.state import (
     event_pointers,
     record_event,
     record_step,
+    record_touch,
     state_pointers,
     step_pointers,
     system_pointers,
@@ -84,6 +87,15 @@ class Stride(NamedTuple):
     ends: bool
     wraps: bool
     last: bool
+
+
+@njit(**PART)
+def _is_past(system, counts, k, mode):
+    """Whether the phase has passed the surface of event k in the event before; one of the same mode waits for its turn."""
+    fired = counts[FIRED]
+    if fired < 0 or system.clocks[k] < 0 or system.clocks[k] != system.clocks[fired]:
+        return False
+    return k == fired or counts[MODE_BEFORE] != mode
 
 
 @njit(**INNER)
@@ -127,10 +139,15 @@ def _begin(system, tolerances, state, mode, room):
             numbers[RATE_AFTER] = event[1]
         reach = (ROUNDING + 4.0 * numbers[RESIDUAL]) * size_of_terms(pointer(event, 2), n, state.size)
         state.on[k] = 1 if abs(event[0]) <= reach else 0
-        if state.on[k] == 0:
+        flat = starts_flat(system, k, x, state.size, event, room.sized)
+        if flat:
+            # the function does not tell on which side the motion begins
+            state.on[k] = 1
+            if side[k] == 0 or (counts[FIRED] >= 0 and counts[MODE_BEFORE] != mode):
+                side[k] = PASSES
+        elif state.on[k] == 0:
             side[k] = 1 if event[0] > 0.0 else -1
-        elif counts[FIRED] >= 0 and system.clocks[k] >= 0 and system.clocks[k] == system.clocks[counts[FIRED]]:
-            # the phase has passed here in the event before
+        elif _is_past(system, counts, k, mode):
             side[k] = 1 if event[1] > 0.0 else -1
         elif counts[FIRED] >= 0 and counts[MODE_BEFORE] != mode:
             side[k] = 0
@@ -268,6 +285,7 @@ def _happen(system, state, mode, fired, events, room):
         and mode == counts[MODE_BEFORE]
         and 0.25 * max(abs(numbers[RATE_AFTER]), abs(rate)) * numbers[DURATION]
         <= ROUNDING * size_of_terms(pointer(event, 2), n, room.landing_size)
+        and not starts_flat(system, fired, landing, room.landing_size, event, room.sized)
     )
     counts[HOP_RUN] = counts[HOP_RUN] + 1 if hops else 0
     call(system.addresses[RESET], fired, 0, landing, 0, system.p, after, 0)
@@ -320,7 +338,7 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
     if longest > 1.0 and h > JUMP * numbers[DURATION]:
         numbers[STEP] = h * max(factor, 0.2)
         return STEP_UNDERFLOW if _underflows(numbers) else DONE
-    status = seek(system, tolerances, state, mode, h, room.x_end, dense, crossings, ends, fit, room.y, room.event)
+    status = seek(system, tolerances, state, mode, h, dense, crossings, ends, fit, room)
     if status != DONE:
         numbers[STEP] = 0.5 * h
         if _underflows(numbers):
@@ -332,6 +350,9 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
     fired, dt, fraction = int64(-1), h, NEVER
     if crossed:
         fired, dt, fraction = first_event(system, tolerances.within, state, mode, h, crossings, room)
+    for k in range(system.n_transitions):
+        if crossings.touched[k] <= min(fraction, 1.0):
+            record_touch(state, k, numbers[T] + numbers[T_LOW] + crossings.touched[k] * h)
     if numbers[FIRST_STEP] == 0.0:
         numbers[FIRST_STEP] = h * min(factor, max(1.0, 0.5 * factor))
     if fired < 0:
@@ -369,15 +390,16 @@ def _laid_out(block, integers, n, n_transitions):
     event = pointer(block, 28 * n)
     room = Room(
         block, pointer(block, n), pointer(block, 2 * n), pointer(block, 4 * n), pointer(block, 3 * n),
-        pointer(block, 5 * n), event, pointer(block, 30 * n + 2),
+        pointer(block, 5 * n), event, pointer(block, 30 * n + 2), pointer(block, 30 * n + 3),
     )  # fmt: skip
-    value = pointer(block, 30 * n + 3)
+    value = pointer(block, 32 * n + 4)
     found = pointer(value, n_transitions)
-    values = pointer(found, ROOTS * n_transitions)
+    touched = pointer(found, ROOTS * n_transitions)
+    values = pointer(touched, n_transitions)
     fit = Fit(values, pointer(values, DEGREE + 1), pointer(values, 2 * (DEGREE + 1)), pointer(values, 3 * (DEGREE + 1)))
     crossings = Crossings(
         found, integers, pointer(integers, 2 * n_transitions), pointer(integers, n_transitions),
-        pointer(integers, 4 * n_transitions),
+        pointer(integers, 4 * n_transitions), touched,
     )  # fmt: skip
     ends = Ends(value, pointer(integers, 3 * n_transitions))
     return room, pointer(block, 21 * n), crossings, ends, fit
@@ -389,7 +411,7 @@ def run_kernel(system, tolerances, goal, state, steps, events):
     n, n_transitions, budget = system.n, system.n_transitions, goal.budget
     system, state = system_pointers(system), state_pointers(state)
     steps, events = step_pointers(steps), event_pointers(events)
-    block = stack(float64, 30 * n + 3 + n_transitions * (ROOTS + 1) + 3 * (DEGREE + 1) + DEPTH * PIECE)
+    block = stack(float64, 32 * n + 4 + n_transitions * (ROOTS + 2) + 3 * (DEGREE + 1) + DEPTH * PIECE)
     integers = stack(int64, 5 * n_transitions)
     work = _laid_out(block, integers, n, n_transitions)
     counts, numbers = state.counts, state.numbers

@@ -18,6 +18,8 @@ from saltus.system.numba_tools.pointers import INNER, PART, call, outlined, poin
 
 EVENT_X = FUNCTIONS.index("event_x")
 GUARD = FUNCTIONS.index("guard")
+TRIALS = 60  # steps that try to land
+NEWTON = 12  # of which these are Newton's method's alone
 ALIKE = 1e-3  # correction of a landing, over its time, beyond which rounding of the event function has made it
 AT_ONCE = 1e-6  # fraction of a step within which two events may be at the same time
 
@@ -37,6 +39,8 @@ class Room(NamedTuple):
         The slopes of the step that lands.
     event, guard : float64 pointer, (2 + 2 * n,) and (1,)
         Event function, its rate, their gradients; a condition.
+    sized : float64 pointer, (2 * n + 1,)
+        A state with the sizes of its components, and a rounding.
     """
 
     y: Any
@@ -47,6 +51,7 @@ class Room(NamedTuple):
     trial: Any
     event: Any
     guard: Any
+    sized: Any
 
 
 class Bracket(NamedTuple):
@@ -75,8 +80,8 @@ def _land(system, within, state, k, mode, h, bracket, room):
         trial[e] = state.slopes[e]
     low, high, dt = bracket.low * h, bracket.high * h, bracket.guess * h
     best, best_value = dt, math.inf
-    landed = False
-    for _ in range(40):
+    landed, last = False, math.inf
+    for i in range(TRIALS):
         step_to(system, within, state, mode, h, dt, room)
         call(addresses[EVENT_X], k, 0, x_end, 0, p, event, 0)
         for e in range(n):
@@ -100,7 +105,9 @@ def _land(system, within, state, k, mode, h, bracket, room):
         if on and rate * before < 0.0 and not abs(correction) <= ALIKE * dt:
             best = dt
             break
-        if low < dt + correction < high:
+        slow = i >= NEWTON and not abs(correction) < 0.25 * last  # as at a root of high order
+        last = abs(correction)
+        if not slow and low < dt + correction < high:
             dt += correction
         elif on or high - low <= 4.0 * EPSILON * high:
             break

@@ -155,6 +155,10 @@ class State(NamedTuple):
         First step of a segment in each mode, 0 where none is known.
     guess : ndarray, shape (14 * n,)
         Dense output of the last implicit step, and of a part of one.
+    n_touched : ndarray of int64, shape (transition,)
+        Steps in which an event function is zero within its rounding and does not change its sign.
+    touched : ndarray, shape (transition, 2)
+        Times of the first and of the last such place.
     """
 
     x: Floats
@@ -167,6 +171,8 @@ class State(NamedTuple):
     value: Floats
     first_steps: Floats
     guess: Floats
+    n_touched: Integers
+    touched: Floats
 
 
 class Steps(NamedTuple):
@@ -232,6 +238,8 @@ class Crossings(NamedTuple):
         How many of them do not count, their conditions having failed.
     jumps : ndarray of int64, shape (transition,)
         Bits of those at which the function is not zero: it jumps, or has a pole.
+    touched : ndarray, shape (transition,)
+        Fraction of the step at which the function is zero within rounding, without a change of its sign.
     """
 
     found: Floats
@@ -239,6 +247,7 @@ class Crossings(NamedTuple):
     before: Integers
     passed: Integers
     jumps: Integers
+    touched: Floats
 
 
 @njit(**PART)
@@ -257,7 +266,7 @@ def state_pointers(state):
     return State(
         pointer(state.x, 0), pointer(state.slopes, 0), pointer(state.size, 0), pointer(state.numbers, 0),
         pointer(state.counts, 0), pointer(state.side, 0), pointer(state.on, 0), pointer(state.value, 0),
-        pointer(state.first_steps, 0), pointer(state.guess, 0),
+        pointer(state.first_steps, 0), pointer(state.guess, 0), pointer(state.n_touched, 0), pointer(state.touched, 0),
     )  # fmt: skip
 
 
@@ -317,6 +326,19 @@ def record_event(events, state, n, k, rate, before, after, mode, target):
         events.ends[2 * i * n + e] = before[e]
         events.ends[(2 * i + 1) * n + e] = after[e]
     state.counts[N_EVENTS] = i + 1
+
+
+@njit(**INNER)
+def record_touch(state, k, time):
+    """Store a place where event function k is zero within its rounding and does not change its sign."""
+    outlined()
+    seen = state.n_touched[k]
+    if seen == 0:
+        state.touched[2 * k] = time
+    elif time <= state.touched[2 * k + 1]:
+        return
+    state.n_touched[k] = seen + 1
+    state.touched[2 * k + 1] = time
 
 
 @njit(**INNER)

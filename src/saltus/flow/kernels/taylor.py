@@ -17,6 +17,7 @@ import numpy as np
 
 from saltus.flow.kernels.column import Columns, evaluate, reached
 from saltus.flow.kernels.polynomial import DEPTH, ROOTS
+from saltus.flow.kernels.rounded import starts_flat
 from saltus.flow.kernels.side import EventEnds, SideRoom, side_after
 from saltus.flow.kernels.state import BOUND, DURATION, PASSES, T_LOW, TWO_PI, Crossings, T, advance, system_pointers
 from saltus.flow.kernels.step import ROUNDING
@@ -53,6 +54,7 @@ from saltus.flow.kernels.taylor_step import (
     cut_short,
     defect,
     expanded,
+    is_clear,
     landed,
     period,
     residual_at,
@@ -76,13 +78,14 @@ def _scale(gradient, n, x, phase):
 
 
 @njit(**INNER)
-def _begin(system, forms, motion, mode, residual, dt, event):
+def _begin(system, forms, motion, mode, residual, dt, room):
     """Begin a segment: on which side of every event it starts, and w behind the state; whether it is a plain start.
 
     residual: the event function's value at the landing; dt: the step that led there, 0 without one. Rounding follows
     from both.
     """
     outlined()
+    event, sizes, sized = room.event, room.size, room.sized
     n, transitions, x, counts, side, on = system.n, system.transitions, motion.x, motion.counts, motion.side, motion.on
     x[n] = 0.0
     counts[SIGMA_STEPS] = PAUSE
@@ -92,6 +95,10 @@ def _begin(system, forms, motion, mode, residual, dt, event):
         call(system.addresses[EVENT_X], k, 0, x, 0, system.p, event, 0)
         reach = ROUNDING * (_scale(pointer(event, 2), n, x, system.phase) + abs(event[1]) * dt) + 4.0 * residual
         on[k] = 1 if abs(event[0]) <= reach else 0
+        for e in range(n):
+            sizes[e] = TWO_PI if system.phase > 0.0 and e == n - 1 else abs(x[e])
+        if starts_flat(system, k, x, sizes, event, sized):
+            return False
         known = side[k]
         side[k] = 1 if event[0] > 0.0 else -1
         if on[k] == 1:
@@ -223,7 +230,7 @@ def _happen(system, forms, returns, motion, mode, landing, residual, crossings, 
     counts[SMALL_RUN] = counts[SMALL_RUN] + 1 if numbers[DURATION] <= SMALL_DURATION * scale else 0
     numbers[DURATION] = 0.0
     return (
-        _begin(system, forms, motion, counts[MODE], residual, landing.dt, event) and counts[SMALL_RUN] <= SMALL_RUN_MOST
+        _begin(system, forms, motion, counts[MODE], residual, landing.dt, room) and counts[SMALL_RUN] <= SMALL_RUN_MOST
     )
 
 
@@ -232,7 +239,7 @@ def _one_step(system, series, tolerances, returns, motion, columns, crossings, r
     """Take a step and let its event happen; a status."""
     n, phase, x, numbers, counts = system.n, system.phase, motion.x, motion.numbers, motion.counts
     mode, form = counts[MODE], series.forms[2 * counts[MODE]]
-    if counts[STARTING] == 1 and not _begin(system, series.forms, motion, mode, 0.0, 0.0, room.event):
+    if counts[STARTING] == 1 and not _begin(system, series.forms, motion, mode, 0.0, 0.0, room):
         return HELP
     h, in_sigma = expanded(system, series, tolerances, motion, mode, columns, room)
     scale = period(phase) if phase > 0.0 else numbers[T]
@@ -263,7 +270,7 @@ def _one_step(system, series, tolerances, returns, motion, columns, crossings, r
     residual = 0.0
     if fired >= 0:
         residual = residual_at(system, tolerances, motion, landing, room)
-        if not residual >= 0.0:
+        if not (residual >= 0.0 and is_clear(system, landing, room)):
             return HELP
     if phase > 0.0 and x[n - 1] + phase * dt >= TWO_PI:
         if _wrap(system, returns, motion, mode, landing, in_sigma, columns, room.after):
@@ -290,7 +297,7 @@ def _one_step(system, series, tolerances, returns, motion, columns, crossings, r
 def follow_kernel(system, series, tolerances, returns, budget, motion):
     """Follow a motion from return to return to a section; keep those after the first ones; a status."""
     n, n_transitions, order, stride = system.n, system.n_transitions, series.order, series.stride
-    block = np.empty((order + 1) * (stride + 2) + DEPTH * (order + 3) + n_transitions * ROOTS + 8 * n + 12)
+    block = np.empty((order + 1) * (stride + 2) + DEPTH * (order + 3) + n_transitions * ROOTS + 10 * n + 13)
     integers = np.zeros(4 * n_transitions, np.int64)
     system = system_pointers(system)
     series = Series(
@@ -315,10 +322,13 @@ def follow_kernel(system, series, tolerances, returns, budget, motion):
     found = pointer(columns.pieces, DEPTH * (order + 3))
     crossings = Crossings(
         found, pointer(integers, 0), pointer(integers, n_transitions), pointer(integers, 2 * n_transitions),
-        pointer(integers, 3 * n_transitions),
+        pointer(integers, 3 * n_transitions), found,
     )  # fmt: skip
     y = pointer(found, n_transitions * ROOTS)
-    room = Room(y, pointer(y, n + 4), pointer(y, 2 * n + 5), pointer(y, 6 * n + 12), pointer(y, 7 * n + 12))
+    room = Room(
+        y, pointer(y, n + 4), pointer(y, 2 * n + 5), pointer(y, 6 * n + 12), pointer(y, 7 * n + 12),
+        pointer(y, 8 * n + 12),
+    )  # fmt: skip
     last = returns.skip + returns.room
     status = GOES_ON
     while status == GOES_ON:

@@ -10,6 +10,7 @@ import numpy as np
 from saltus.flow.kernels.column import column_value, evaluate, roots, shortened, step_length
 from saltus.flow.kernels.order import first_crossing
 from saltus.flow.kernels.polynomial import ROOTS
+from saltus.flow.kernels.rounded import BESIDE, rounding_at
 from saltus.flow.kernels.state import DURATION, PASSES, TWO_PI
 from saltus.scales import SMALLEST
 from saltus.system.compiled import FUNCTIONS, SHARES
@@ -70,6 +71,9 @@ CUTS = 40  # most times that a checked step is cut to a quarter
 # A weak part of a field may grow fast next to a surface, which the last terms of a series do not show from afar.
 APPROACH = 0.6  # part of the way that a step goes whose series do not solve the equations where it lands
 MOST_APPROACHES = 40  # such steps in a row before HELP is asked for
+SIMPLE = (
+    0.1  # of a function's value that a Newton step leaves at a simple zero, at most; it is a quarter at a double one
+)
 SAME = 1e-6  # distance of an event from the next one or from a step's ends, in steps, below which HELP is asked for
 
 
@@ -139,13 +143,17 @@ class Motion(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room for the end of a step, for what is behind it, for an event function, sizes and another state: pointers."""
+    """Room for the end of a step, for what is behind it, for an event function, sizes, another state: pointers.
+
+    `sized` is for a state with its sizes, and a rounding.
+    """
 
     y: Any
     after: Any
     event: Any
     size: Any
     other: Any
+    sized: Any
 
 
 class Landing(NamedTuple):
@@ -335,3 +343,29 @@ def residual_at(system, tolerances, motion, landing, room):
     if not residual <= LANDING * (tolerances.atol + tolerances.rtol * size):
         return math.nan
     return math.nan if event[1] * system.transitions[3 * landing.fired + 2] < 0.0 else residual
+
+
+@njit(**INNER)
+def is_clear(system, landing, room):
+    """Whether a step lands on a zero beside which the function is soon above its rounding, on both sides.
+
+    Other zeros are no nearer than that, and the zero is simple: a Newton step leaves next to nothing of the function.
+    """
+    outlined()
+    y, size, event, other, n = room.y, room.size, room.event, room.other, system.n
+    for e in range(n):
+        size[e] = TWO_PI if system.phase > 0.0 and e == n - 1 else abs(y[e])
+    rounding = rounding_at(system, landing.fired, y, size, room.sized)
+    call(system.addresses[EVENT], landing.fired, 0, y, 0, system.p, event, 0)
+    value, rate = event[0], event[1]
+    if not BESIDE * rounding < SAME * landing.dt * abs(rate):
+        return False
+    if abs(value) <= rounding:
+        return True
+    call(system.addresses[FIELD], system.transitions[3 * landing.fired], 0, y, 0, system.p, room.after, 0)
+    for e in range(n):
+        other[e] = y[e] - value / rate * room.after[e]
+    call(system.addresses[EVENT], landing.fired, 0, other, 0, system.p, event, 0)
+    left = abs(event[0])
+    event[0], event[1] = value, rate
+    return left <= max(SIMPLE * abs(value), rounding)

@@ -48,10 +48,11 @@ class Surface(NamedTuple):
 
 
 @njit(**INNER)
-def margin(view, curve, k, head, transition, before, closed, room, found):
+def margin(view, curve, k, head, transition, before, there, closed, room, found):
     """Note how near a segment comes to the surface of transition `k`; return BEYOND and EARLY where they are due.
 
-    head: the segment. transition, before: the events at its end and at its start. closed: whether it has none.
+    head: the segment. transition, before: the events at its end and at its start. there: whether the orbit has event k
+    at the same time as these, behind the one at the end or before the one at the start. closed: whether it has none.
     """
     outlined()
     total = curve.count * FINE
@@ -64,8 +65,8 @@ def margin(view, curve, k, head, transition, before, closed, room, found):
         )
         if room.one[0] > 0.0:
             found.distances[head * view.transitions + k] = side * height[total]
-    ends = transition >= 0 and view.alike[k] == view.alike[transition]
-    begins = before >= 0 and view.alike[k] == view.alike[before]
+    ends = there[0] or (transition >= 0 and view.alike[k] == view.alike[transition])
+    begins = there[1] or (before >= 0 and view.alike[k] == view.alike[before])
     # the side to which the segment leaves
     side = 1.0 if view.directions[k] != 0 or height[1] < height[0] else -1.0
     if not closed and not begins and side * height[1] < side * height[0]:

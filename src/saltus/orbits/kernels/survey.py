@@ -14,7 +14,7 @@ from saltus.orbits.kernels.curve import EVENT, FINE, GUARD, OUTPUTS, Curve, Room
 from saltus.orbits.kernels.equation import RESET, TURN, piece_at, pointed, take_parameters, total_duration
 from saltus.orbits.kernels.margin import margin
 from saltus.orbits.kernels.moment import add_moments
-from saltus.orbits.kernels.together import together
+from saltus.orbits.kernels.together import at_one_time, is_at_once, together
 from saltus.orbits.records import Dense, Events, Found, Mesh, Orbit
 from saltus.orbits.signature import (
     CLOSED_END,
@@ -64,6 +64,13 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
     begun, turns, start = 0.0, max(orbit.turns, 1), u[n - 1] if events.phase else 0.0
     bad, found_zero, head, steps = 0, False, 0, int64(0)
     target = _first_zero(u[n - 1], transitions[segments - 1], orbit.turns) if events.phase else 0.0
+    once, instant = np.zeros(segments, np.int64), np.zeros(2 * view.transitions, np.int64)
+    at_once, at_one, at_start = pointer(once, 0), pointer(instant, 0), pointer(instant, view.transitions)
+    for i in range(segments):
+        piece = piece_at(system, i, u, period)
+        at_once[i] = 1 if is_at_once(view, piece, pointer(u, piece.row), room) else 0
+        if at_once[i] == 0 and ((not piece.duration > 0.0 and piece.kind != MEAN_END) or piece.duration < 0.0):
+            bad |= DURATION
     for i in range(segments):
         piece, first, count = piece_at(system, i, u, period), starts[i], starts[i + 1] - starts[i] - 1
         nodes, coefficients = pointer(curves.nodes, first * n), pointer(curves.coefficients, first * 7 * n)
@@ -83,7 +90,8 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
             head, steps = i, int64(0)
         if piece.transition >= 0 and piece.kind != TOUCH_END:
             following, rate = system.modes[i + 1 if i + 1 < segments else 0], found.rates[4 * i]
-            bad |= together(view, piece, following, curve, head, rate, room, found)
+            at_one_time(system, at_once, i, view.transitions, at_one)
+            bad |= together(view, piece, following, curve, head, rate, at_one, room, found)
         if head < i or (i + 1 < segments and kinds[i + 1] == CUT_END):
             steps = _append(pointer(joined, 0), most // FINE + 2, curve, n, steps, i - head)
             if i + 1 < segments and kinds[i + 1] == CUT_END:
@@ -99,9 +107,12 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
             transitions[i - 1 if i > 0 else segments - 1],
             kinds[head] == PHASE_END or kinds[head] == CLOSED_END,
         )
+        at_one_time(system, at_once, i, view.transitions, at_one)
+        at_one_time(system, at_once, (head if head > 0 else segments) - 1, view.transitions, at_start)
         for k in range(view.transitions):
             if view.sources[k] == piece.mode:
-                bad |= margin(view, curve, k, head, piece.transition, before, closed, room, found)
+                there = at_one[k] != 0, at_start[k] != 0
+                bad |= margin(view, curve, k, head, piece.transition, before, there, closed, room, found)
     for q in range(n):
         # no segment's mode has the state
         if found.lows[q] > found.highs[q]:
@@ -115,6 +126,8 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
             found.x0[e] = u[e]
     keep(block)
     keep(joined)
+    keep(once)
+    keep(instant)
     return bad
 
 
@@ -192,7 +205,7 @@ def _first_zero(phase, last, turns):
 
 @njit(**INNER)
 def _followed(view, piece, curve, u, tolerances, room):
-    """Run a segment and keep its dense output; return DURATION and COARSE where they are due."""
+    """Run a segment and keep its dense output; return COARSE where it is due."""
     outlined()
     n, bad = view.n, 0
     segment = Segment(view.functions, piece.mode, piece.duration, view.p, n)
@@ -205,8 +218,6 @@ def _followed(view, piece, curve, u, tolerances, room):
             (view.functions, piece.mode, n, view.p, piece.duration, x0, curve.mesh, int64(curve.count), curve.nodes,
              curve.coefficients),
         )  # fmt: skip
-    if (not piece.duration > 0.0 and piece.kind != MEAN_END) or piece.duration < 0.0:
-        bad |= DURATION
     for step in range(curve.count):
         a = curve.mesh[step]
         bend, node = pointer(curve.coefficients, step * 7 * n), pointer(curve.nodes, step * n)

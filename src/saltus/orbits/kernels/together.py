@@ -6,20 +6,23 @@ from saltus.flow.kernels.segment import EVENT_X
 from saltus.flow.kernels.side import RESET, EventEnds, SideRoom, turns_back
 from saltus.flow.kernels.step import ROUNDING
 from saltus.orbits.kernels.curve import GUARD
-from saltus.orbits.signature import EARLY, SECTION
+from saltus.orbits.signature import EARLY, EVENT_END, SECTION
 from saltus.scales import CARRIED
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 
 ZERO = 1e-9  # value of an event function, over its variation with the states' sizes, up to which it is 0
+MADE = 1  # of an event that the orbit has at the same time as another one, before that one
+DUE = 2  # behind that one
 LEAST = 1e-290  # beyond what a condition that includes 0 adds to be positive there
 
 
 @njit(**INNER)
-def together(view, piece, following, curve, head, rate, room, found):
+def together(view, piece, following, curve, head, rate, instant, room, found):
     """Return EARLY where another event happens at a segment's end before its own event, or behind that one at once.
 
-    following: mode of the next segment. head: the segment. rate: of the event function at the segment's end.
+    following: mode of the next segment. head: the segment. rate: of the event function at the segment's end. instant:
+    the events of the orbit at the same time, as `at_one_time` notes them: these do happen.
     """
     outlined()
     mode, transition, end, after = piece.mode, piece.transition, pointer(curve.nodes, curve.count * view.n), room.x
@@ -28,7 +31,7 @@ def together(view, piece, following, curve, head, rate, room, found):
     if mode == following and not view.idle[transition] and _repeats(view, transition, rate, end, after, room):
         bad |= EARLY
     for k in range(view.transitions):
-        if k == transition or view.idle[k] or view.alike[k] != view.alike[transition]:
+        if k == transition or instant[k] == MADE or view.idle[k] or view.alike[k] != view.alike[transition]:
             continue
         direction, at = view.directions[k], head * view.transitions + k
         is_first = view.sources[k] == mode and k < transition and direction * way >= 0.0
@@ -36,10 +39,45 @@ def together(view, piece, following, curve, head, rate, room, found):
             bad |= holds(view, k, end, at, room, found)
         if view.sources[k] != following or view.surfaces[k] == SECTION or (direction == 0 and mode != following):
             continue
+        if instant[k] == DUE:
+            continue
         height, _, goes_on = _beyond(view, k, direction if direction != 0 else way, after, room)
         if goes_on and abs(height) <= ZERO:
             bad |= holds(view, k, after, at, room, found)
     return bad
+
+
+@njit(**INNER)
+def is_at_once(view, piece, x, room):
+    """Return whether a segment from x has its event at once upon the one before: it has no length, and passes a surface."""
+    if piece.transition < 0 or piece.kind != EVENT_END:
+        return False
+    way = 1.0 if view.directions[piece.transition] >= 0 else -1.0
+    height, rate, goes_on = _beyond(view, piece.transition, way, x, room)
+    if view.directions[piece.transition] == 0 and not goes_on:
+        height, rate, goes_on = _beyond(view, piece.transition, -way, x, room)
+    reach = 0.0
+    for e in range(view.n):
+        reach += abs(room.slope[2 + e]) * view.sizes[e]
+    return goes_on and abs(height) <= ZERO and abs(piece.duration * rate) <= ZERO * reach
+
+
+@njit(**INNER)
+def at_one_time(system, once, i, transitions, instant):
+    """Note in `instant` the events that an orbit has at the same time as that at the end of segment i.
+
+    once: of each segment whether it has no length.
+    """
+    for k in range(transitions):
+        instant[k] = 0
+    for way in (-1, 1):
+        j = i
+        for _ in range(system.segments - 1):
+            if once[j if way < 0 else (j + 1) % system.segments] == 0:
+                break
+            j = (j + way) % system.segments
+            if system.transitions[j] >= 0:
+                instant[system.transitions[j]] = MADE if way < 0 else DUE
 
 
 @njit(**INNER)

@@ -11,6 +11,7 @@ from saltus.system.faces import groups_of, kinds_of
 from saltus.system.writing.exponents import beyond, exponents_in, kinks_in
 from saltus.system.writing.printer import is_broken, without_poles
 from saltus.system.writing.regularise import multiple_of
+from saltus.system.writing.rounding import rounding_lines
 from saltus.system.writing.writer import Writer, zeros
 
 if TYPE_CHECKING:
@@ -61,6 +62,13 @@ class FlowWriter(Writer):
         kinks = {k: kinks_in(found, self._parameters) for k, found in felt.items()}
         self.numbers["EXPONENTS"] = any(exponents.values()) or any(kinks.values())
         yield self._function("ways", {k: self._ways(exponents[k], kinks[k]) for k in modes})
+        yield self._function("rounding", {k: self._rounding(s.event[k]) for k in transitions})
+
+    def _rounding(self, event: sympy.Expr) -> list[str]:
+        """Text of the rounding of an event function, in roundings of 1; behind the states in x are their errors."""
+        errors = {symbol: f"x[{self.n + i}]" for i, symbol in enumerate(self.system.x)}
+        lines, _, rounding = rounding_lines(self._hoist(event), self._text, errors)
+        return [*lines, f"out[0] = {rounding or '0.0'}"]
 
     def _felt(self, mode: int) -> list[sympy.Expr]:
         """What a mode's motion feels: its field and event functions."""
