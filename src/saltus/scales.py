@@ -17,7 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["EPS", "Scales", "Verdict", "near", "same", "zero"]
+__all__ = ["DIVERGED", "EPS", "FINER", "RESOLVED", "RESOLVED_RATIO", "Scales", "Verdict", "near", "same", "zero"]
 
 # Spacing of doubles at 1: the relative rounding of one operation.
 EPS = float(np.finfo(float).eps)
@@ -25,6 +25,21 @@ EPS = float(np.finfo(float).eps)
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.
 _CLEAR = 10.0
+
+
+# Change of an argument, in the scale of its function, over a step: 16 places of Gauss and Legendre give the integral of
+# the exponential over this width with the rounding of doubles.
+RESOLVED = 8.0
+
+# Largest over least distance from a pole within a step: such places give the integral of the reciprocal to 1e-10.
+RESOLVED_RATIO = 8.0
+
+# Error of a quadrature over that which the tolerance leaves in what is integrated: it adds nothing to that one.
+FINER = 1e-2
+
+# Share of an integral that lies in steps as short as rounding allows, above which it has no value: halving them goes
+# on to change it. A logarithm's pole leaves 1e-13, that of an inverse root 1e-7.
+DIVERGED = 1e-3
 
 
 class Verdict(Enum):
