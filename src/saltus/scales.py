@@ -35,7 +35,7 @@ RESOLVED = 8.0
 RESOLVED_RATIO = 8.0
 
 # Error of a quadrature over that which the tolerance leaves in what is integrated: it adds nothing to that one.
-FINER = 1e-2
+FINER = 0.1
 
 # Share of an integral that lies in steps as short as rounding allows, above which it has no value: halving them goes
 # on to change it. A logarithm's pole leaves 1e-13, that of an inverse root 1e-7.

@@ -99,7 +99,7 @@ class Motion:
 def dense_states(
     starts: NDArray[np.float64], coefficients: NDArray[np.float64], fractions: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return states within steps by their dense output of order 7, shape (m, n).
+    """Return states within steps by their dense output of order 7, shape (m, n) or (m, k, n).
 
     Parameters
     ----------
@@ -107,14 +107,16 @@ def dense_states(
         State at the start of each state's step.
     coefficients : ndarray, shape (m, 7, n)
         The dense output of that step.
-    fractions : ndarray, shape (m,)
+    fractions : ndarray, shape (m,) or (m, k)
         Where in the step, from 0 to 1.
 
     References
     ----------
     E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition, Springer 1993, II.6.
     """
-    fraction = fractions[:, None]
+    if fractions.ndim == 2:
+        starts, coefficients = starts[:, None, :], coefficients[:, :, None, :]
+    fraction = fractions[..., None]
     other = 1.0 - fraction
     y = coefficients[:, 6] * fraction
     for j, factor in ((5, other), (4, fraction), (3, other), (2, fraction), (1, other), (0, fraction)):
