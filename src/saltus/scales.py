@@ -20,9 +20,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CARRIED",
+    "DIVERGED",
     "EPS",
+    "FINER",
     "FINEST",
     "ILL_CONDITIONED",
+    "RESOLVED",
+    "RESOLVED_RATIO",
     "ROUGH",
     "ROUNDED_ROUNDS",
     "ROUNDS_ALIKE",
@@ -80,6 +84,21 @@ SENSITIVITIES = 10.0
 
 # Relative error of a multiplier beyond which its place tells nothing of the next one along a branch.
 ROUGH = 1e-2
+
+
+# Change of an argument, in the scale of its function, over a step: 16 places of Gauss and Legendre give the integral of
+# the exponential over this width with the rounding of doubles.
+RESOLVED = 8.0
+
+# Largest over least distance from a pole within a step: such places give the integral of the reciprocal to 1e-10.
+RESOLVED_RATIO = 8.0
+
+# Error of a quadrature over that which the tolerance leaves in what is integrated: it adds nothing to that one.
+FINER = 0.1
+
+# Share of an integral that lies in steps as short as rounding allows, above which it has no value: halving them goes
+# on to change it. A logarithm's pole leaves 1e-13, that of an inverse root 1e-7.
+DIVERGED = 1e-3
 
 
 class Verdict(Enum):

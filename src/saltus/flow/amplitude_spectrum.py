@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from saltus.flow.observables import Motion
+    from saltus.flow.stretch import Motion
 
 __all__ = ["Window", "spectrum"]
 

@@ -22,107 +22,50 @@ Without a phase, the motion's length is the period of order 1, and its start is 
 A formula in observables and parameters is taken as well: ``-degrees(phase(x, 1))``, ``max(z) - min(z)``. Of an orbit it
 may contain ``period``, as ``2*pi/period``.
 
-Integrals are Gauss-Legendre sums over each step of the dense output, in clustered time. Let an expression be smooth
-between events, or like a half-integer power of the distance from one. Its integrals are then as accurate as the dense
-output.
+Integrals are Gauss-Legendre sums over each step of the dense output, in clustered time. A step is divided at kinks,
+jumps and poles of the expression, and where it is narrower than the step (`saltus.flow.quadrature`). An integral that
+does not converge is NaN, and a warning names it. `estimate` returns each value with an estimate of its error.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+import warnings
+from collections.abc import Callable, Iterable
 from fractions import Fraction
-from functools import cache
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.flow.formulas import Observable, check_rotating, read_formula
-from saltus.system.evaluate import evaluate
+from saltus.flow.formulas import Formula, Observable, check_rotating, read_formula
+from saltus.flow.quadrature import Panels, Total, greatest, integrate
+from saltus.scales import EPS
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.system.hybrid import HybridSystem
+    from saltus.flow.stretch import Motion
 
-__all__ = ["Motion", "angles", "dense_states", "observe"]
-
-States: TypeAlias = "Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]]"
+__all__ = ["Estimate", "angles", "estimate", "observe"]
 
 _NODES = 16  # fewest nodes in a step; a step through a wide angle has more
-_NEAR = 0.05  # share of the range by which a sampled extreme that is refined may miss the true one
-_ZOOMS = 7  # divisions of an extreme's neighbourhood, which lead to 1e-7 of a step
-_PLACES = 17  # places in each division
-_BLOCK = 1 << 16  # states computed at once, each from all coefficients of its step
-_WHOLE = 1e-9  # part of a period by which a stretch may miss a whole number of periods
 
 
-@dataclass(frozen=True)
-class Motion:
-    """A stretch of motion, step by step, from which observables are computed.
+class Estimate(NamedTuple):
+    """An observable with its error.
 
-    `Trajectory.motion` and `PeriodicOrbit.motion` make it; so can anything that has dense output.
+    Attributes
+    ----------
+    value : float
+        The value.
+    error : float
+        An estimate of the distance from the exact value: what the quadrature leaves, and what the tolerance of the
+        motion makes of it. NaN where it is not known.
     """
 
-    system: HybridSystem
-    parameters: Mapping[str, float]  # all its parameters
-    modes: NDArray[np.int64]  # shape (step,): index of the mode of each step
-    # shape (step, 4): time within each step as a polynomial in the fraction of the step, growing powers
-    clocks: NDArray[np.float64]
-    # shape (step, 2): fractions between which each step belongs to the stretch: 0 and 1, but for cut ones
-    spans: NDArray[np.float64]
-    states: States  # full states, shape (m, all states), for indices of steps (m,) and fractions (m,)
-    # time, index of the transition and rate of the event function before, of each event
-    crossings: Sequence[tuple[float, int, float]]
-    angle: tuple[float, float]  # the phase at time 0, and its rate; it runs on beyond 2 pi
-    turns: int | None = None  # periods of the angle after which the motion repeats; None where it does not
-    rotating: tuple[str, ...] = ()  # angles among the states that make turns before the motion repeats
-
-    @property
-    def begin(self) -> float:
-        """Time of the start."""
-        return _clock(self.clocks[0], float(self.spans[0, 0]))
-
-    @property
-    def end(self) -> float:
-        """Time of the end."""
-        return _clock(self.clocks[-1], float(self.spans[-1, 1]))
-
-    @property
-    def durations(self) -> NDArray[np.float64]:
-        """Length of each step in time, shape (step,)."""
-        low, high = self.spans.T[:, :, None]
-        return (_times(self.clocks, high) - _times(self.clocks, low))[:, 0]
-
-    def whole(self, periods: int = 1) -> Motion | None:
-        """Return the last whole periods of the angle, as many as there are in multiples of `periods`; None for none."""
-        if self.turns is not None:
-            return self
-        turn = 2.0 * math.pi / self.angle[1]
-        count = math.floor((self.end - self.begin) / turn + _WHOLE) // periods * periods
-        if count == 0:
-            return None
-        begin = self.end - count * turn
-        return self if begin <= self.begin + _WHOLE * turn else self._after(begin)
-
-    def _after(self, begin: float) -> Motion:
-        """Return the stretch from a time on, which lies within."""
-        ends = _times(self.clocks, self.spans[:, 1:])[:, 0]
-        first = min(int(np.searchsorted(ends, begin, side="right")), len(ends) - 1)
-        spans = self.spans[first:].copy()
-        spans[0, 0] = _fraction(self.clocks[first], begin, float(spans[0, 0]), float(spans[0, 1]))
-        steps = self.states
-        return replace(
-            self,
-            modes=self.modes[first:],
-            clocks=self.clocks[first:],
-            spans=spans,
-            states=lambda at, fraction: steps(at + first, fraction),
-            crossings=[crossing for crossing in self.crossings if crossing[0] > begin],
-            turns=None,
-        )
+    value: float
+    error: float
 
 
 def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
@@ -151,81 +94,98 @@ def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
     mean(v) = -0.250000
     velocity(impact) = -1.000000
     """
+    return {name: one.value for name, one in _observed(motion, tuple(names), False).items()}
+
+
+def estimate(motion: Motion, names: Iterable[str]) -> dict[str, Estimate]:
+    """Return observables of a motion with their errors, by name.
+
+    Parameters
+    ----------
+    names : iterable of str
+        As `observe` takes them.
+
+    Raises
+    ------
+    InputError
+        As of `observe`.
+
+    Examples
+    --------
+    >>> from saltus.flow.simulation import simulate
+    >>> from saltus.system.hybrid import HybridSystem
+    >>> turning = simulate(HybridSystem.smooth({"x": "v", "v": "-x"}), {}, [1.0, 0.0], t_end=6.283185307179586)
+    >>> found = estimate(turning.motion(), ["mean(abs(x))"])["mean(abs(x))"]
+    >>> print(f"{found.value:.9f}", found.error < 1e-9)
+    0.636619772 True
+    """
+    return _observed(motion, tuple(names), True)
+
+
+def _observed(motion: Motion, names: tuple[str, ...], spread: bool) -> dict[str, Estimate]:
+    """Return observables; spread: whether errors hold what the errors of the states make."""
     formulas = {name: read_formula(motion.system, name) for name in names}
     wanted = {part: observable for formula in formulas.values() for part, observable in formula.parts.items()}
     check_rotating(motion.system, motion.rotating, wanted)
     advance = float(np.abs(motion.durations).max()) * motion.angle[1]
     highest = max((float(observable.order) for observable in wanted.values() if observable.order), default=0.0)
-    seen = _Seen(motion, _NODES + math.ceil(highest * advance))
+    seen = _Seen(motion, _NODES + math.ceil(highest * advance), spread)
     values = {part: _value(seen, part, observable) for part, observable in wanted.items()}
     known = dict(motion.parameters)
     if motion.turns is not None:
         known.setdefault("period", motion.end - motion.begin)
-    return {name: float(formula.value(values, known)) for name, formula in formulas.items()}
+    return {name: _composed(formula, values, known) for name, formula in formulas.items()}
 
 
-def dense_states(
-    starts: NDArray[np.float64], coefficients: NDArray[np.float64], fractions: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return states within steps by their dense output of order 7, shape (m, n).
-
-    Parameters
-    ----------
-    starts : ndarray, shape (m, n)
-        State at the start of each state's step.
-    coefficients : ndarray, shape (m, 7, n)
-        The dense output of that step.
-    fractions : ndarray, shape (m,)
-        Where in the step, from 0 to 1.
-
-    References
-    ----------
-    E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition, Springer 1993, II.6.
-    """
-    fraction = fractions[:, None]
-    other = 1.0 - fraction
-    y = coefficients[:, 6] * fraction
-    for j, factor in ((5, other), (4, fraction), (3, other), (2, fraction), (1, other), (0, fraction)):
-        y = (y + coefficients[:, j]) * factor
-    return np.asarray(starts + y)
+def _composed(formula: Formula, values: dict[str, Estimate], known: dict[str, float]) -> Estimate:
+    """Return a formula's value; each of its parts moves it by its own error."""
+    plain = {part: values[part].value for part in formula.parts}
+    value = float(formula.value(plain, known))
+    if formula.expression is None:
+        return values[next(iter(formula.parts))]
+    moved = [float(formula.value(plain | {part: sum(values[part])}, known)) for part in formula.parts]
+    return Estimate(value, math.fsum(abs(one - value) for one in moved) + EPS * abs(value) if moved else 0.0)
 
 
 class _Seen:
     """A motion at nodes of a quadrature, each expression evaluated once."""
 
-    def __init__(self, motion: Motion, nodes: int) -> None:
-        self.motion, self.nodes = motion, nodes
-        places, weights = _rule(nodes)
-        spans = motion.spans
-        width = spans[:, 1:] - spans[:, :1]
-        self.fractions = spans[:, :1] + width * places
-        rates = motion.clocks[:, 1:2] + self.fractions * (
-            2.0 * motion.clocks[:, 2:3] + self.fractions * 3.0 * motion.clocks[:, 3:4]
-        )
-        self.weights = (weights * width * rates)[:, 1:-1]
-        self.times = _times(motion.clocks, self.fractions)
-        steps, flat = np.repeat(np.arange(len(spans)), places.size), self.fractions.ravel()
-        blocks = (slice(first, first + _BLOCK) for first in range(0, flat.size, _BLOCK))
-        self._states = np.concatenate([motion.states(steps[block], flat[block]) for block in blocks])
-        self._modes = motion.modes[steps]
+    def __init__(self, motion: Motion, nodes: int, spread: bool) -> None:
+        self.motion, self.nodes, self.spread = motion, nodes, spread
+        self.panels = Panels.of(motion, np.arange(len(motion.spans)), motion.spans, nodes)
         self._values: dict[str, NDArray[np.float64]] = {}
         self._whole: dict[int, _Seen | None] = {}
 
     @property
     def length(self) -> float:
+        """Length in time."""
         return self.motion.end - self.motion.begin
 
     def values(self, expression: str) -> NDArray[np.float64]:
         """Values at both ends of each step and the nodes between, shape (step, nodes + 2)."""
         if expression not in self._values:
-            motion = self.motion
-            flat = evaluate(motion.system, expression, self._states, self._modes, motion.parameters)
-            self._values[expression] = flat.reshape(self.fractions.shape)
+            self._values[expression] = self.panels.values(expression)
         return self._values[expression]
 
-    def integral(self, values: NDArray[np.float64] | NDArray[np.complex128]) -> complex:
-        """Integral over time of values at the nodes, shape (step, nodes)."""
-        return complex(np.sum(self.weights * values))
+    def mean(
+        self, name: str, of: str, wave: Callable[[NDArray[np.float64]], NDArray[np.complex128]] | None = None
+    ) -> tuple[complex, float]:
+        """Mean over time of an expression, times a wave of times, and its error; a warning names what has none."""
+        total = integrate(self.panels, of, self.values(of), wave, self.spread)
+        _tell(name, total)
+        return total.value / self.length, total.error / abs(self.length)
+
+    def extreme(self, of: str, sign: float) -> Estimate:
+        """Greatest value of an expression times a sign, with its error."""
+        if of in self.motion.extremes:
+            low, high = self.motion.extremes[of]
+            known = sign * (high if sign > 0.0 else low)
+            if not self.spread:
+                return Estimate(known, math.nan)
+            error = greatest(self.panels, of, self.values(of), sign, True)
+            return Estimate(known, max(error.error, abs(error.value.real - known)))
+        found = greatest(self.panels, of, self.values(of), sign, self.spread)
+        return Estimate(found.value.real, found.error)
 
     def whole(self, periods: int) -> _Seen | None:
         """The last whole periods of the angle, as `Motion.whole` has them."""
@@ -234,101 +194,59 @@ class _Seen:
             if stretch is None or stretch is self.motion:
                 self._whole[periods] = None if stretch is None else self
             else:
-                self._whole[periods] = _Seen(stretch, self.nodes)
+                self._whole[periods] = _Seen(stretch, self.nodes, self.spread)
         return self._whole[periods]
 
 
-def _value(seen: _Seen, name: str, observable: Observable) -> float:
+def _tell(name: str, total: Total) -> None:
+    if total.note:
+        warnings.warn(f"saltus: {name} is NaN: {total.note}", RuntimeWarning, stacklevel=2)
+
+
+def _value(seen: _Seen, name: str, observable: Observable) -> Estimate:
     motion, kind, of = seen.motion, observable.kind, observable.of
     match kind:
         case "max":
-            return _greatest(seen, of, 1.0)
+            return seen.extreme(of, 1.0)
         case "min":
-            return -_greatest(seen, of, -1.0)
+            found = seen.extreme(of, -1.0)
+            return Estimate(-found.value, found.error)
         case "mean":
-            return seen.integral(seen.values(of)[:, 1:-1]).real / seen.length
+            mean, error = seen.mean(name, of)
+            return Estimate(mean.real, error)
         case "fraction":
             inside = motion.modes == motion.system.mode_names.index(of)
-            return float(np.sum(motion.durations[inside]) / np.sum(motion.durations))
+            share = float(np.sum(motion.durations[inside]) / np.sum(motion.durations))
+            return Estimate(share, motion.tolerance * max(len(motion.crossings), 1))
         case "velocity":
             index = motion.system.transition_names.index(of)
             rates = [rate for _, transition, rate in motion.crossings if transition == index]
-            return math.fsum(rates) / len(rates) if rates else math.nan
+            mean_rate = math.fsum(rates) / len(rates) if rates else math.nan
+            return Estimate(mean_rate, motion.tolerance * abs(mean_rate))
         case _:
             assert observable.order is not None
-            harmonic = _harmonic(seen, name, of, observable.order)
+            harmonic, error = _harmonic(seen, name, of, observable.order)
             if kind == "amplitude":
-                return abs(harmonic)
-            return float(angles(harmonic))
+                return Estimate(abs(harmonic), error)
+            return Estimate(float(angles(harmonic)), min(error / abs(harmonic), math.pi) if harmonic else math.nan)
 
 
-def _harmonic(seen: _Seen, name: str, expression: str, order: Fraction) -> complex:
-    """Return a exp(i phi) of a sin(order theta + phi)."""
+def _harmonic(seen: _Seen, name: str, expression: str, order: Fraction) -> tuple[complex, float]:
+    """Return a exp(i phi) of a sin(order theta + phi), with its error."""
     motion, periods = seen.motion, order.denominator
     if motion.turns is not None and motion.turns % periods:
-        return 0.0
+        return 0.0, 0.0
     stretch = seen.whole(periods)
     if stretch is None:
         turns = seen.length * motion.angle[1] / (2.0 * math.pi)
         many = "a period" if periods == 1 else f"{periods} periods"
         raise InputError("observable", name, f"of a stretch of {many} of the phase or more", f"it has {turns:.6g}")
     start, rate = motion.angle
-    wave = np.exp(-1j * float(order) * (start + rate * stretch.times[:, 1:-1]))
-    return 2j * stretch.integral(stretch.values(expression)[:, 1:-1] * wave) / stretch.length
+    mean, error = stretch.mean(name, expression, lambda times: np.exp(-1j * float(order) * (start + rate * times)))
+    return 2j * mean, 2.0 * error
 
 
 def angles(harmonics: ArrayLike) -> NDArray[np.float64]:
     """Return the phases of harmonics, above -pi and up to pi; NaN where there is no harmonic."""
     found = np.angle(np.asarray(harmonics))
     return np.where(np.equal(harmonics, 0.0), np.nan, np.where(found == -math.pi, math.pi, found))
-
-
-def _greatest(seen: _Seen, expression: str, sign: float) -> float:
-    """Return the greatest of an expression times a sign: samples, then the neighbourhoods of those near it divided."""
-    motion, values = seen.motion, sign * seen.values(expression)
-    top = float(values.max())
-    if not np.all(np.isfinite(values)):
-        return top
-    padded = np.pad(values, ((0, 0), (1, 1)), constant_values=-np.inf)
-    high = (values >= padded[:, :-2]) & (values >= padded[:, 2:]) & (values >= top - _NEAR * np.ptp(values))
-    steps, at = np.nonzero(high)
-    last = values.shape[1] - 1
-    low, far = seen.fractions[steps, np.maximum(at - 1, 0)], seen.fractions[steps, np.minimum(at + 1, last)]
-    share = np.linspace(0.0, 1.0, _PLACES)
-    rows = np.arange(len(steps))
-    each = np.repeat(steps, _PLACES)
-    for _ in range(_ZOOMS):
-        places = low[:, None] + (far - low)[:, None] * share
-        states = motion.states(each, places.ravel())
-        found = sign * evaluate(motion.system, expression, states, motion.modes[each], motion.parameters)
-        table = found.reshape(places.shape)
-        best = table.argmax(axis=1)
-        top = max(top, float(table.max()))
-        low, far = places[rows, np.maximum(best - 1, 0)], places[rows, np.minimum(best + 1, _PLACES - 1)]
-    return top
-
-
-@cache
-def _rule(nodes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return places s^2 (3 - 2 s) in [0, 1], both ends among them, and weights, of Gauss and Legendre in s."""
-    roots, weights = np.polynomial.legendre.leggauss(nodes)
-    s = np.concatenate([[0.0], 0.5 * (roots + 1.0), [1.0]])
-    rates = 6.0 * s * (1.0 - s)
-    return s**2 * (3.0 - 2.0 * s), rates * np.concatenate([[0.0], 0.5 * weights, [0.0]])
-
-
-def _times(clocks: NDArray[np.float64], fractions: NDArray[np.float64]) -> NDArray[np.float64]:
-    c = clocks.T[:, :, None]
-    return np.asarray(c[0] + fractions * (c[1] + fractions * (c[2] + fractions * c[3])))
-
-
-def _clock(clock: NDArray[np.float64], fraction: float) -> float:
-    return float(_times(clock[None, :], np.array([[fraction]]))[0, 0])
-
-
-def _fraction(clock: NDArray[np.float64], time: float, low: float, high: float) -> float:
-    """Return where in a step its clock, which does not run back, shows a time, by halving."""
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _clock(clock, middle) <= time else (low, middle)
-    return 0.5 * (low + high)

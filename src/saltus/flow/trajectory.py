@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from saltus.errors import InputError
 from saltus.flow.amplitude_spectrum import Window, spectrum
 from saltus.flow.event_tables import code_of, event_table, indices_of
 from saltus.flow.landings import Landing, landings_beyond
-from saltus.flow.observables import Motion, dense_states, observe
+from saltus.flow.observables import Estimate, estimate, observe
+from saltus.flow.stretch import Motion, dense_states
 from saltus.flow.touches import Touch, held_touches, touch_table
 from saltus.result import Result, frozen
 from saltus.system.evaluate import evaluate
@@ -225,9 +226,28 @@ class Trajectory(Result):
             states=lambda at, fractions: self._states(at + first, fractions),
             crossings=crossings,
             angle=angle,
+            tolerance=self.tolerance[0],
+            errors=self._errors(steps),
         )
 
-    def observe(self, *names: str, t_start: float | None = None, t_end: float | None = None) -> dict[str, float]:
+    def _errors(self, steps: slice) -> NDArray[np.float64]:
+        """Return the errors of the states over some steps, shape (all states,): those that each step may leave."""
+        sizes = np.abs(self.step_starts[steps]).max(axis=0)
+        return np.asarray(self.tolerance[0] * sizes + self.tolerance[1])
+
+    @overload
+    def observe(
+        self, *names: str, t_start: float | None = None, t_end: float | None = None, errors: Literal[False] = False
+    ) -> dict[str, float]: ...
+
+    @overload
+    def observe(
+        self, *names: str, t_start: float | None = None, t_end: float | None = None, errors: Literal[True]
+    ) -> dict[str, Estimate]: ...
+
+    def observe(
+        self, *names: str, t_start: float | None = None, t_end: float | None = None, errors: bool = False
+    ) -> dict[str, float] | dict[str, Estimate]:
         """Return observables of a stretch of the trajectory by name.
 
         Parameters
@@ -237,18 +257,21 @@ class Trajectory(Result):
             over the last whole periods of the phase within the stretch.
         t_start, t_end : float, optional
             Begin and end of the stretch; by default the whole trajectory.
+        errors : bool, optional
+            Whether each value comes with an estimate of its error, as ``Estimate(value, error)``.
 
         Returns
         -------
-        dict of str to float
-            In the order of the names.
+        dict of str to float or Estimate
+            In the order of the names. What does not converge is NaN, and a warning names it.
 
         Raises
         ------
         InputError
             A name is no observable, a time is out of range, or the stretch is shorter than a harmonic's period.
         """
-        return observe(self.motion(t_start, t_end), names)
+        motion = self.motion(t_start, t_end)
+        return estimate(motion, names) if errors else observe(motion, names)
 
     def spectrum(
         self,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from saltus import checks
 from saltus.contents import Contents, complex_of
 from saltus.errors import InputError
 from saltus.flow.landings import Landing, landings_beyond
-from saltus.flow.observables import Motion, observe
+from saltus.flow.observables import Estimate, estimate, observe
+from saltus.flow.stretch import Motion
 from saltus.maps.spectrum import count_outside, multiplicity
+from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.sampling import column_of, motion_of, sample_orbit
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.problem import OrbitProblem, follow_from
@@ -225,12 +227,7 @@ class PeriodicOrbit(Solution):
         Returns
         -------
         OrbitProblem
-            The equations; docs/theory/orbits.md derives them.
-
-        Raises
-        ------
-        InputError
-            There is no such parameter.
+            The equations; docs/theory/orbits.md derives them. An unknown parameter raises `InputError`.
         """
         p, known = self.system.parameter_vector(self.parameters), self.system.parameter_names
         wanted = (active,) if isinstance(active, str) else checks.names("active", active, "names of parameters")
@@ -253,10 +250,6 @@ class PeriodicOrbit(Solution):
         xarray.Dataset
             States, outputs and the mode's index against ``t``, which is 0 at the first segment's start.
 
-        Raises
-        ------
-        InputError
-            `points` is no count.
         """
         return sample_orbit(self.problem(), self.unknowns, points)
 
@@ -274,9 +267,16 @@ class PeriodicOrbit(Solution):
 
     def motion(self) -> Motion:
         """Return the orbit over one period as a `Motion`, from which observables are computed."""
-        return motion_of(self.problem(), self.unknowns)
+        known = {name: (low, self.max[name]) for name, low in self.min.items()}
+        return replace(motion_of(self.problem(), self.unknowns), extremes=known)
 
-    def observe(self, *names: str) -> dict[str, float]:
+    @overload
+    def observe(self, *names: str, errors: Literal[False] = False) -> dict[str, float]: ...
+
+    @overload
+    def observe(self, *names: str, errors: Literal[True]) -> dict[str, Estimate]: ...
+
+    def observe(self, *names: str, errors: bool = False) -> dict[str, float] | dict[str, Estimate]:
         """Return observables over the period by name.
 
         Parameters
@@ -284,11 +284,13 @@ class PeriodicOrbit(Solution):
         *names : str
             As ``"amplitude(z, 1)"`` or ``"fraction(contact)"``; `saltus.flow.observables` lists them. Without a phase,
             the angle of harmonics is 0 at the first segment's start and turns once in the period.
+        errors : bool, optional
+            Whether each value comes with an estimate of its error, as ``Estimate(value, error)``.
 
         Returns
         -------
-        dict of str to float
-            In the order of the names.
+        dict of str to float or Estimate
+            In the order of the names. What does not converge is NaN, and a warning names it.
 
         Raises
         ------
@@ -298,13 +300,12 @@ class PeriodicOrbit(Solution):
         Examples
         --------
         >>> from saltus.orbits.find import find_orbit
-        >>> from saltus.system.hybrid import Mode
-        >>> driven = HybridSystem(("x",), {"w": 1.0}, {"free": Mode({"x": "cos(theta) - x"})}, phase=("theta", "w"))
-        >>> response = find_orbit(driven, {}, [0.0]).observe("amplitude(x, 1)", "phase(x, 1)")
-        >>> print({name: round(value, 9) for name, value in response.items()})
-        {'amplitude(x, 1)': 0.707106781, 'phase(x, 1)': 0.785398163}
+        >>> driven = HybridSystem.smooth({"x": "cos(theta) - x"}, {"w": 1.0}, phase=("theta", "w"))
+        >>> found = find_orbit(driven, {}, [0.0]).observe("amplitude(x, 1)", "phase(x, 1)")
+        >>> [round(value, 9) for value in found.values()]
+        [0.707106781, 0.785398163]
         """
-        return observe(self.motion(), names)
+        return estimate(self.motion(), names) if errors else observe(self.motion(), names)
 
     def sensitivity(self, names: Sequence[str], parameters: Sequence[str] | None = None) -> xr.Dataset:
         """Return exact derivatives of observables by parameters; docs/theory/sensitivities.md derives them.
@@ -333,8 +334,7 @@ class PeriodicOrbit(Solution):
         Examples
         --------
         >>> from saltus.orbits.find import find_orbit
-        >>> from saltus.system.hybrid import Mode
-        >>> driven = HybridSystem(("x",), {"w": 1.0}, {"free": Mode({"x": "cos(theta) - x"})}, phase=("theta", "w"))
+        >>> driven = HybridSystem.smooth({"x": "cos(theta) - x"}, {"w": 1.0}, phase=("theta", "w"))
         >>> slopes = find_orbit(driven, {}, [0.0]).sensitivity(["amplitude(x, 1)", "period"])
         >>> print({name: round(float(slopes[name].sel(parameter="w")), 9) for name in ("amplitude(x, 1)", "period")})
         {'amplitude(x, 1)': -0.353553391, 'period': -6.283185307}
@@ -437,7 +437,7 @@ def orbit_at(
     fixed: Fixed | None = None,
 ) -> PeriodicOrbit:
     """Return the orbit that solves `problem` at `u`; survey and multipliers are computed unless given."""
-    survey = problem.survey(u) if survey is None else survey
+    survey = complete(problem, u, problem.survey(u)) if survey is None else survey
     values = multipliers(problem, u, J) if values is None else values
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     parameters = dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))

@@ -10,8 +10,8 @@ import numpy as np
 
 from saltus.flow.event_logs import EventLog, event_log
 from saltus.flow.motion import EventDrivenMotion, start_state
-from saltus.flow.observables import dense_states
 from saltus.flow.sizes import ATOL, EPSILON, MOST_KEPT, RTOL, STEPS_KEPT, Sizes, sizes_from
+from saltus.flow.stretch import dense_states
 from saltus.orbits.signature import EVENT_END, Signature
 from saltus.system.angles import wrapped
 

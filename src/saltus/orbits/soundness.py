@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import ConvergenceError
+from saltus.orbits.observables.outputs import complete
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import RESTING
@@ -45,7 +46,7 @@ def sound_orbit(
     fixed : Fixed, optional
         The quantity that was fixed.
     """
-    survey = problem.survey(u)
+    survey = complete(problem, u, problem.survey(u))
     check_solved(problem, u, survey)
     orbit = orbit_at(problem, u, J, survey, fixed=fixed)
     if orbit.admissible and _speedless(problem, u, survey, orbit.multipliers):

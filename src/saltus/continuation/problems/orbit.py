@@ -41,6 +41,7 @@ from saltus.continuation.problems.watching import Watched, beyond
 from saltus.orbits import records
 from saltus.orbits.correction import corrected
 from saltus.orbits.observables.gradients import slope_along
+from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
@@ -238,6 +239,7 @@ class OrbitZeroProblem:
             if (fault := solve_again(self, problem, point, point.u)) is not None:
                 return Examined({}, fault)
             survey = problem.survey(point.u)
+        survey = complete(problem, point.u, survey)
         twice = goes_twice(problem, point.u, survey)
         if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
             return Examined({}, fault)
@@ -356,7 +358,8 @@ class OrbitZeroProblem:
             return height(value) if value.imag != 0.0 else math.nan
         if name.kind == "side":
             return side_of(self.problem, name, point.u)
-        return self._surveyed[name](self.problem.survey(point.u))
+        survey = self.problem.survey(point.u)
+        return self._surveyed[name](complete(self.problem, point.u, survey) if name.kind == "event" else survey)
 
     def leading(self, names: list[Monitor]) -> list[Monitor]:
         """Return the names without those that vanish only since a neighbouring segment has no length."""

@@ -33,6 +33,7 @@ from saltus.continuation.problems.other_values import KIND, SEVERAL, multipliers
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.orbits.normal_forms import flip_coefficient
+from saltus.orbits.observables.outputs import complete
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
 from saltus.orbits.stability import floquet
@@ -186,11 +187,10 @@ class LocusZeroProblem:
             survey = problem.survey(u)
         if before is not None:
             forced = isinstance(self.condition, Branching)  # its forcing is left as the residual
-            doubt = astray(problem, u) or (None if forced else residual_fault(problem, survey, u))
-            if doubt is not None:
+            if doubt := astray(problem, u) or (None if forced else residual_fault(problem, survey, u)):
                 return Examined({}, doubt)
-        if isinstance(self.condition, Grazing):
-            survey = on_border(problem, self.condition, u, survey)
+        bordered = on_border(problem, self.condition, u, survey) if isinstance(self.condition, Grazing) else survey
+        survey = complete(problem, u, bordered)
         # the multipliers next to a grazing vary so fast that the last Newton step shows in them
         self._J = problem.evaluate(u)[1]
         problem.prepare(u)

@@ -14,10 +14,11 @@ from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.formulas import Observable, read_formula
-from saltus.flow.observables import angles, observe
+from saltus.flow.observables import angles, estimate, observe
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.exactness import solved
 from saltus.orbits.observables.observed import planned
+from saltus.orbits.observables.outputs import curved
 from saltus.orbits.observables.sampling import motion_of
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.orbit import orbit_at
@@ -152,7 +153,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         found: NDArray[np.float64] = columns[checks.chosen("quantity", name, columns, instead=instead)]
         return found
 
-    def observe(self, *names: str) -> xr.Dataset:
+    def observe(self, *names: str, errors: bool = False) -> xr.Dataset:
         """Return observables of the orbits, against ``point``.
 
         A phase is continuous along the curve. Each observable is computed once.
@@ -161,6 +162,8 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         ----------
         *names : str
             As in ``"amplitude(z, 1)"`` or ``"fraction(contact)"``; `saltus.flow.observables` lists them.
+        errors : bool, optional
+            Whether estimates of the errors are returned as well, in variables ``"error of mean(z)"``.
 
         Returns
         -------
@@ -177,7 +180,16 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         self._observe(names)
         table = self.values.reshape(len(self), -1)
         coords = {parameter: ("point", table[:, i]) for i, parameter in enumerate(self.varied)}
-        return xr.Dataset({name: ("point", self._observed(name)) for name in names}, coords)
+        columns = {name: ("point", self._observed(name)) for name in names}
+        if errors:
+            rows = [estimate(motion_of(*self._solved(i)), names) for i in range(len(self))]
+            for name in names:
+                turn, values = read_formula(self.system, name).turn, self._observed(name)
+                off = np.array([row[name].value for row in rows]) - values
+                off = off - turn * np.round(off / turn) if turn else off
+                found = np.array([row[name].error for row in rows])
+                columns[f"error of {name}"] = ("point", np.maximum(found, np.abs(off)))
+        return xr.Dataset(columns, coords)
 
     @cached_property
     def _observations(self) -> dict[str, NDArray[np.float64]]:
@@ -217,6 +229,8 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         i = quantities.index(observable.of)
         if kind in ("min", "max"):
             return np.array((self.lows if kind == "min" else self.highs)[:, i])
+        if observable.of in curved(self.system):
+            return None  # the survey's few places tell means of states and polynomials alone
         if kind == "mean":
             return np.array(self.means[:, i])
         harmonic = self.harmonics[:, i]

@@ -15,6 +15,7 @@ from saltus import checks
 from saltus.errors import InputError, nearest
 from saltus.flow.formulas import read_formula
 from saltus.flow.observables import observe
+from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.sampling import motion_of
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ class Quantity:
         """
         if self.kind == "period":
             return float(u[problem.n : problem.size : problem.n + 1].sum())
-        survey = problem.survey(u)
+        survey = complete(problem, u, problem.survey(u))
         if self.kind in ("observable", "formula"):
             return observe(motion_of(problem, u), (self.name,))[self.name]
         if self.kind == "constant":

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus import checks
-from saltus.flow.observables import Motion, dense_states
+from saltus.flow.stretch import Motion, dense_states
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.winding import rotating_of
 from saltus.system.evaluate import evaluate
@@ -126,6 +126,8 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
         angle=(0.0 if system.phase is None else float(blocks[0, n - 1]), 2.0 * math.pi * turns / float(ends[-1])),
         turns=turns,
         rotating=rotating_of(problem, u),
+        tolerance=problem.tol,
+        errors=problem.tol * problem.state_scale,
     )
 
 
