@@ -151,9 +151,8 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
         pieces.append(piece)
     error = followed(orbit.tolerance)
     across = _across(orbit, reference, end, sizes)
-    values, uncertain = spectrum(
-        [*steps, across], sizes, dropped=1, error=error * slowest, zeros=error > followed(FINEST)
-    )
+    zeros = error > followed(FINEST)
+    values, uncertain = spectrum([*steps, across], sizes, dropped=1, error=error * slowest, zeros=zeros)
     return FollowedOrbit(
         reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain, error
     )  # fmt: skip
