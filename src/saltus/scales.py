@@ -17,7 +17,19 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["EPS", "SEPARATED", "Scales", "Verdict", "near", "same", "zero"]
+__all__ = [
+    "EPS",
+    "LOCATED",
+    "SEPARATED",
+    "SOLVED",
+    "Scales",
+    "Verdict",
+    "critical_error",
+    "near",
+    "same",
+    "value_error",
+    "zero",
+]
 
 # Spacing of doubles at 1: the relative rounding of one operation.
 EPS = float(np.finfo(float).eps)
@@ -25,6 +37,12 @@ EPS = float(np.finfo(float).eps)
 # Eigenvalue, over the largest, below which one decomposition of the whole matrix loses five of its digits, as its
 # error is the rounding of the largest: such a value is computed apart, and has a size of its own.
 SEPARATED = 1e-5
+
+# Distance, over the range along a curve, up to which two places of it are one: special points are located to some 1e-9.
+LOCATED = 1e-7
+
+# Relative error of a solution of algebraic equations: the last Newton step.
+SOLVED = 1e-13
 
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.
@@ -79,3 +97,20 @@ def zero(value: ArrayLike, error: ArrayLike) -> Verdict:
 def near(value: float, target: float, error: float, rounding: float = EPS) -> Verdict:
     """Return whether `value` is at `target` within `error` and the rounding of both."""
     return same(value, target, error + rounding * max(abs(value), abs(target)))
+
+
+def value_error(tolerance: float) -> float:
+    """Return the error of multipliers, over their size, by the tolerance of the flow.
+
+    Two that are nearly equal move by the root of a perturbation, so half of the digits may be lost.
+    """
+    return float(max(tolerance, EPS) ** 0.5)
+
+
+def critical_error(tolerance: float) -> float:
+    """Return the error of a critical value at a located point, by the tolerance of the flow.
+
+    At the fold of a cycle the critical multiplier is also that of the flow, and the parameter's error moves both: of
+    three values that are nearly equal each moves by the cube root of a perturbation.
+    """
+    return float(max(tolerance, EPS) ** (1.0 / 3.0))
