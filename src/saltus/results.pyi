@@ -6,7 +6,9 @@ from saltus.basins import (
     ErosionProfile as ErosionProfile,
 )
 from saltus.continuation import (
+    Audit as Audit,
     Branch as Branch,
+    Breach as Breach,
     Cascade as Cascade,
     Diagram as Diagram,
     EquilibriumBranch as EquilibriumBranch,

@@ -25,6 +25,7 @@ __all__ = [
     "FINER",
     "FINEST",
     "ILL_CONDITIONED",
+    "LOCATED",
     "RESOLVED",
     "RESOLVED_RATIO",
     "ROUGH",
@@ -33,13 +34,16 @@ __all__ = [
     "SENSITIVITIES",
     "SEPARATED",
     "SMALLEST",
+    "SOLVED",
     "STEPS_TOGETHER",
     "Scales",
     "Verdict",
+    "critical_error",
     "followed",
     "near",
     "same",
     "split",
+    "value_error",
     "zero",
 ]
 
@@ -56,6 +60,12 @@ SMALLEST = float(np.finfo(float).tiny)
 # An error in a function's states and its own rounding are apart by more than this only where half of the digits of
 # its zero are lost: next to a double zero.
 ILL_CONDITIONED = math.sqrt(EPS)
+
+# Distance, over the range along a curve, up to which two places of it are one: special points are located to some 1e-9.
+LOCATED = 1e-7
+
+# Relative error of a solution of algebraic equations: the last Newton step.
+SOLVED = 1e-13
 
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.
@@ -162,3 +172,20 @@ def split(tolerance: float) -> float:
 def followed(tolerance: float) -> float:
     """Return the error that a flow of that tolerance leaves, over the states' sizes and for each unit of growth."""
     return STEPS_TOGETHER * max(tolerance, FINEST)
+
+
+def value_error(tolerance: float) -> float:
+    """Return the error of multipliers, over their size, by the tolerance of the flow.
+
+    Two that are nearly equal move by the root of a perturbation, so half of the digits may be lost.
+    """
+    return float(max(tolerance, EPS) ** 0.5)
+
+
+def critical_error(tolerance: float) -> float:
+    """Return the error of a critical value at a located point, by the tolerance of the flow.
+
+    At the fold of a cycle the critical multiplier is also that of the flow, and the parameter's error moves both: of
+    three values that are nearly equal each moves by the cube root of a perturbation.
+    """
+    return float(max(tolerance, EPS) ** (1.0 / 3.0))

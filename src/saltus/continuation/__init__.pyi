@@ -13,6 +13,10 @@ from saltus.continuation.many.diagram import (
 )
 from saltus.continuation.many.doublings import follow_cascade as follow_cascade
 from saltus.continuation.many.members import continue_family as continue_family
+from saltus.continuation.results.audit import (
+    Audit as Audit,
+    Breach as Breach,
+)
 from saltus.continuation.results.branch import Branch as Branch
 from saltus.continuation.results.cascade import Cascade as Cascade
 from saltus.continuation.results.diagram import Diagram as Diagram

@@ -8,6 +8,7 @@ from typing import Any, overload
 from saltus import checks
 from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.core.interest import Interest
+from saltus.continuation.results.auditing import audited
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
@@ -311,4 +312,4 @@ def _branch(
     stops = read_stops(stop_at, [*kind.types, *asked_types(events)])
     run = kind(start, parameter, interest, Asked(control, directions, stops, reporter, until))
     with one_thread(len(start.system.states)):
-        return run.branch(run.options([low, high], events))
+        return audited(run.branch(run.options([low, high], events)))

@@ -8,6 +8,7 @@ from typing import Any, overload
 from saltus import checks
 from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.core.point_types import POINT_TYPES
+from saltus.continuation.results.auditing import audited
 from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.results.locus import Locus
 from saltus.continuation.results.map_locus import MapLocus
@@ -149,7 +150,7 @@ def continue_locus(
     checks.chosen("directions", directions, ("both", "up", "down"))
     asked = Asked(control, directions, read_stops(stop_at, run.points()), reporter)
     with one_thread(len(solution.system.states)):
-        return run(point, solution, kind, plane, asked).locus()  # type: ignore[no-any-return]
+        return audited(run(point, solution, kind, plane, asked).locus())  # type: ignore[no-any-return]
 
 
 def _type_of(point: SpecialPoint[Any] | None, solution: Any, run: type[TwoParameterRun], given: str | None) -> str:

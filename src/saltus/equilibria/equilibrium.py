@@ -105,15 +105,15 @@ class Equilibrium(AlgebraicSolution):
     @property
     def stable(self) -> bool:
         """Whether all eigenvalues have negative real parts, beyond rounding."""
-        return bool(np.all(self.eigenvalues.real < -NEUTRAL * self._sizes))
+        return bool(np.all(self.eigenvalues.real < -NEUTRAL * self.value_sizes))
 
     @property
     def unstable(self) -> int:
         """Number of eigenvalues whose real part is positive, beyond rounding."""
-        return int(np.sum(self.eigenvalues.real > _GROWS * self._sizes))
+        return int(np.sum(self.eigenvalues.real > _GROWS * self.value_sizes))
 
     @cached_property
-    def _sizes(self) -> NDArray[np.float64]:
+    def value_sizes(self) -> NDArray[np.float64]:
         """Sizes of the eigenvalues, shape (states,): the largest modulus, or that of the terms of far slower ones."""
         sizes = np.full(self.eigenvalues.size, float(np.abs(self.eigenvalues).max(initial=0.0)))
         if float(np.abs(self.eigenvalues).min(initial=np.inf)) >= SEPARATED * sizes.max(initial=0.0):
@@ -149,12 +149,12 @@ class Equilibrium(AlgebraicSolution):
         aside = self.parameters[along] + _ASIDE * max(abs(self.parameters[along]), 1.0)
         J = self.problem(along).evaluate(np.append(x, aside))[1][:, :-1]
         unit = float(np.abs(np.linalg.eigvals(J)).max()) if np.all(np.isfinite(J)) else 0.0
-        return multiplicity(self.eigenvalues, type, unit, self._sizes)
+        return multiplicity(self.eigenvalues, type, unit, self.value_sizes)
 
     @property
     def kind(self) -> str:
         """The kind in words, as ``stable focus`` or ``saddle (1 unstable)``."""
-        return kind_of(self.eigenvalues, self._sizes)
+        return kind_of(self.eigenvalues, self.value_sizes)
 
     @property
     def unknowns(self) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 import numpy as np
 
 from saltus import checks
+from saltus.continuation.results.audit import Audit
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
 from saltus.errors import InputError
 from saltus.result import Result, frozen
@@ -50,6 +51,8 @@ class SolutionCurve(Result, Generic[Solved]):
         Rejected steps, with their reasons.
     options : mapping
         Arguments of the continuation.
+    audit : Audit
+        Whether the curve keeps what always holds: docs/theory/continuation.md, "The audit".
     """
 
     system: Any
@@ -62,6 +65,7 @@ class SolutionCurve(Result, Generic[Solved]):
     stopped: tuple[str, str]
     rejected: tuple[str, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
+    audit: Audit = field(default_factory=Audit)
 
     counted: ClassVar[str]  # what a `repr` counts
     fault: ClassVar[str] = "virtual"  # what a picture calls a solution that is not sound
@@ -195,6 +199,7 @@ class SolutionCurve(Result, Generic[Solved]):
             "stopped_last": self.stopped[1],
             "rejected": json.dumps(list(self.rejected)),
             "options": json.dumps(dict(self.options)),
+            "audit": json.dumps(self.audit.as_list()),
         }
 
     @staticmethod
@@ -204,6 +209,8 @@ class SolutionCurve(Result, Generic[Solved]):
             "stopped": (held.text("stopped_first"), held.text("stopped_last")),
             "rejected": tuple(held.texts("rejected")),
             "options": held.json("options", dict),
+            # absent from earlier files
+            "audit": Audit.from_list(held.json("audit", list)) if "audit" in held.dataset.attrs else Audit(),
         }
 
     @classmethod
@@ -220,4 +227,5 @@ class SolutionCurve(Result, Generic[Solved]):
             lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
         lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
         lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
+        lines += [f"  audit: {line}" for line in self.audit.lines()]
         return "\n".join(lines)

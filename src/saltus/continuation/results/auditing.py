@@ -1,0 +1,205 @@
+"""The audit of a curve: what always holds, whatever the solutions are, is checked on points and special points alone.
+
+docs/theory/continuation.md, "The audit", derives the checks. A check that cannot tell says nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from saltus.continuation.core.point_types import CHANGES
+from saltus.continuation.results.audit import Audit, Breach
+from saltus.continuation.results.curve import SolutionCurve
+from saltus.continuation.results.liouville import liouville
+from saltus.continuation.results.stability_ledger import contradicted_labels, critical_rows, unexplained
+from saltus.errors import SaltusError
+from saltus.scales import EPS, LOCATED, Verdict, same, zero
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["audited"]
+
+Curve = TypeVar("Curve", bound=SolutionCurve[Any])
+
+# types of special points at which a parameter may turn; TP are those of a locus and of a branch along a quantity
+_TURNING = frozenset({"SN", "BP", "TP", "BE", "HOM", "SNIC", "CP", "BT", *CHANGES})
+_BESIDE = 6  # points on each side of a turn whose solutions are compared
+_ON_LINE = 0.25  # distance from a line through two points over theirs: on a fold's other sheet it is 1 or more
+_ROW = 3  # consecutive points that lie on an earlier part of a curve
+_CHUNK = 256  # points that are looked at together
+
+
+def audited(curve: Curve) -> Curve:
+    """Return a curve with its audit."""
+    if len(curve) < 2:
+        return replace(curve, audit=Audit((), (("forward", 0),)))
+    seen = _Seen.of(curve)
+    told = {
+        "forward": _forward(seen),
+        "twice": _twice(seen),
+        "ledger": unexplained(curve),
+        "label": contradicted_labels(curve),
+        "Liouville": liouville(curve),
+    }
+    breaches = [
+        Breach(name, text, place, _values_at(seen, place)) for name, (found, _) in told.items() for place, text in found
+    ]
+    return replace(curve, audit=Audit(tuple(breaches), tuple((name, count) for name, (_, count) in told.items())))
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What is seen of a curve: parameters, and quantities that no shift of time along an orbit changes."""
+
+    curve: Any
+    values: NDArray[np.float64]  # (point, parameter)
+    rounding: NDArray[np.float64]  # (parameter,): changes that are none
+    quantities: NDArray[np.float64]  # (point, quantity), each over its range along the curve
+    closed: bool
+
+    @classmethod
+    def of(cls, curve: SolutionCurve[Any]) -> _Seen:
+        values = curve.values.reshape(len(curve), -1)
+        own = [*curve.extremes, *(np.reshape(column, (len(curve), -1)) for column in _further(curve))]
+        table = np.hstack(own)
+        table = table[:, np.all(np.isfinite(table), axis=0)]
+        ranges, sizes = np.ptp(table, axis=0), np.abs(table).max(axis=0, initial=0.0)
+        kept = ranges > LOCATED * sizes
+        rounding = LOCATED * 1e-2 * np.ptp(values, axis=0) + 16.0 * EPS * np.abs(values).max(axis=0)
+        closed = any("closed" in reason for reason in curve.stopped)
+        return cls(curve, values, rounding, table[:, kept] / ranges[kept], closed)
+
+    def turns(self, k: int) -> list[tuple[int, int]]:
+        """Return between which points, the first and the last of a turn, a parameter turns."""
+        moves = np.diff(self.values[:, k])
+        moving = np.flatnonzero(np.abs(moves) > self.rounding[k]).tolist()
+        return [(i, j + 1) for i, j in pairwise(moving) if moves[i] * moves[j] < 0.0]
+
+
+def _further(curve: Any) -> list[NDArray[np.float64]]:
+    """Return further quantities of orbits that no shift of time changes."""
+    return [curve.period, curve.means] if hasattr(curve, "means") else []
+
+
+def _values_at(seen: _Seen, place: float) -> tuple[float, ...]:
+    """Return the parameters at a place among the points."""
+    at = min(max(place, 0.0), len(seen.values) - 1.0)
+    first = int(at)
+    last = min(first + 1, len(seen.values) - 1)
+    found = seen.values[first] + (at - first) * (seen.values[last] - seen.values[first])
+    return tuple(float(value) for value in found)
+
+
+def _told(seen: _Seen, place: float) -> str:
+    values = _values_at(seen, place)
+    return ", ".join(f"{name} = {value:.9g}" for name, value in zip(seen.curve.varied, values, strict=True))
+
+
+def _forward(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
+    """Return where a parameter turns without a point that explains it, and where a curve goes back on itself."""
+    found, count = [], 0
+    if getattr(seen.curve, "fixed", None) is not None:  # along a quantity, which turns as it likes
+        return [], 0
+    places = [point.position for point in seen.curve.special_points if point.type in _TURNING]
+    critical = critical_rows(seen.curve)  # where a branch starts at a fold, this is no special point of it
+    for k, name in enumerate(seen.curve.varied):
+        for i, j in seen.turns(k):
+            count += 1
+            middle = 0.5 * (i + j)
+            at = _told(seen, middle)
+            if _retraced(seen, k, i, j):
+                found.append((middle, f"{name} turns at {at}, and the same solutions follow on both sides"))
+            elif not any(i - 1.0 <= place <= j + 1.0 for place in places) and not critical[i : j + 1].any():
+                found.append((middle, f"{name} turns at {at} without a special point"))
+    return found, count
+
+
+def _retraced(seen: _Seen, k: int, i: int, j: int) -> bool:
+    """Return whether the solutions behind a turn lie on the line through those before it, at the same parameter."""
+    before = range(i, max(i - _BESIDE, -1), -1)
+    shares = []
+    for b in range(j, min(j + _BESIDE, len(seen.values))):
+        for a, c in pairwise(before):
+            share = _off_line(seen, k, (a, c), b)
+            if share is not None:
+                shares.append(share)
+                break
+    return len(shares) > 1 and max(shares) < _ON_LINE
+
+
+def _off_line(seen: _Seen, k: int, segment: tuple[int, int], b: int) -> float | None:
+    """Return the distance of a point from the line through two others at its parameter, over theirs; None beside it."""
+    a, c = segment
+    start, width = seen.values[a, k], seen.values[c, k] - seen.values[a, k]
+    if abs(width) <= seen.rounding[k] or not 0.0 <= (share := (seen.values[b, k] - start) / width) <= 1.0:
+        return None
+    chord = np.hstack([seen.quantities[c] - seen.quantities[a]])
+    line = seen.quantities[a] + share * chord
+    length = float(np.abs(chord).max(initial=0.0))
+    return float(np.abs(seen.quantities[b] - line).max(initial=0.0)) / length if length > 0.0 else None
+
+
+def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
+    """Return special points that are there twice, and where a branch covers solutions that it had before."""
+    found = []
+    points = list(seen.curve.special_points)
+    wide = np.maximum(np.ptp(seen.values, axis=0), seen.rounding)
+    extents = [seen.curve._extent(point.solution) for point in points]
+    known = np.concatenate(seen.curve.extremes)
+    size = float(np.abs(known).max(initial=0.0)) or 1.0
+    for i, point in enumerate(points):
+        for k in range(i):
+            other = points[k]
+            if (point.type, point.of) != (other.type, other.of) or extents[i].shape != extents[k].shape:
+                continue
+            apart = [abs(point.value(name) - other.value(name)) for name in seen.curve.varied]
+            near = same(apart, np.zeros(len(apart)), LOCATED * wide) and same(extents[i], extents[k], LOCATED * size)
+            if near and zero(point.arclength - other.arclength, LOCATED) is Verdict.NO:
+                found.append((point.position, f"{point.label} is {other.label} once more"))
+    # a parameter that never turns comes to no value twice
+    if seen.values.shape[1] == 1 and seen.turns(0) and (place := _covered(seen)) is not None:
+        found.append((float(place), f"from {_told(seen, place)} on, solutions are there a second time"))
+    return found, len(points)
+
+
+def _covered(seen: _Seen) -> int | None:
+    """Return the first of several points in a row that lie on an earlier part of a branch; None where none does."""
+    count, row, last = len(seen.values), 0, -1
+    for b in range(_ROW, count - 1 if seen.closed else count, _CHUNK):
+        for at in _on_earlier(seen, np.arange(b, min(b + _CHUNK, count - seen.closed))):
+            row = 1 if at != last + 1 or row == _ROW else row + 1
+            last = at
+            if row == _ROW and _alike(seen, float(seen.values[at - 1, 0])):
+                return at - _ROW + 1
+    return None
+
+
+def _on_earlier(seen: _Seen, points: NDArray[np.intp]) -> list[int]:
+    """Return which points lie on the line through two neighbours that come at least three points before."""
+    v, q = seen.values[:, 0], seen.quantities
+    low, high = np.minimum(v[:-1], v[1:]), np.maximum(v[:-1], v[1:])
+    inside = (low <= v[points][:, None]) & (v[points][:, None] <= high) & (high - low > seen.rounding[0])
+    which, i = np.nonzero(inside & (np.arange(v.size - 1) < points[:, None] - 2))
+    b = points[which]
+    chords = q[i + 1] - q[i]
+    away = np.abs(q[b] - q[i] - ((v[b] - v[i]) / (v[i + 1] - v[i]))[:, None] * chords).max(axis=1, initial=0.0)
+    on = away < 0.1 * _ON_LINE * np.abs(chords).max(axis=1, initial=0.0)
+    found: list[int] = np.unique(b[on]).tolist()
+    return found
+
+
+def _alike(seen: _Seen, value: float) -> bool:
+    """Return whether two of the solutions at a value of the parameter, each solved there, are the same."""
+    try:
+        solutions = seen.curve.at(value)
+    except SaltusError:  # none is found between two points: it cannot be told
+        return False
+    rows = [np.concatenate([*one.extremes, np.atleast_1d(getattr(one, "period", 0.0))]) for one in solutions]
+    size = float(np.max([np.abs(row).max(initial=0.0) for row in rows], initial=math.ulp(0.0)))
+    return any(bool(same(a, b, LOCATED * size)) for i, a in enumerate(rows) for b in rows[:i])

@@ -1,0 +1,194 @@
+"""The ledger of stability: how many directions grow along a curve, and what the special points between explain.
+
+docs/theory/continuation.md, "The audit", lists what each type of point changes.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
+from saltus.equilibria import Equilibrium
+from saltus.equilibria.spectrum import NEUTRAL
+from saltus.scales import LOCATED, SEPARATED, SOLVED, critical_error, same, value_error
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["contradicted_labels", "critical_rows", "unexplained"]
+
+_SINGLE = ("SN", "PD")  # types at which one direction begins to grow or to shrink
+_PAIRED = ("TR", "HB")  # types at which two do
+_FREE = ("EX", "TP")  # types that say nothing of stability, as users' events
+_LARGEST = 1e8  # multiplier beside which one near the unit circle may have no digits left
+
+
+def _critical(curve: Any) -> NDArray[np.complex128] | None:
+    """Return the multipliers that tell stability, or the eigenvalues, shape (point, value); None for other kinds."""
+    if hasattr(curve, "eigenvalues"):
+        return np.asarray(curve.eigenvalues)
+    if not hasattr(curve, "multipliers"):
+        return None
+    values = np.asarray(curve.multipliers)
+    trivial = hasattr(curve, "means") and curve.system.phase is None  # that of the flow stands last
+    return values[:, :-1] if trivial else values
+
+
+def _counts(curve: Any) -> NDArray[np.int64]:
+    """Return the least and the greatest number of directions that may grow at each point, (point, 2); -1 if unknown."""
+    values = _critical(curve)
+    assert values is not None
+    if hasattr(curve, "eigenvalues"):
+        errors = NEUTRAL * np.array([_sizes(curve, i, row) for i, row in enumerate(values)])
+        growth = values.real
+    else:
+        moduli = np.abs(values)
+        growth = np.where(np.isfinite(moduli), moduli - 1.0, math.inf)
+        errors = value_error(getattr(curve, "tolerance", SOLVED)) * np.maximum(
+            1.0, np.where(growth < 1e300, moduli, 1.0)
+        )
+    known = np.column_stack([np.sum(growth > errors, axis=1), np.sum(growth >= -errors, axis=1)])
+    known[np.any(np.isnan(values), axis=1)] = -1
+    return known
+
+
+def _sizes(curve: Any, i: int, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the sizes of the eigenvalues of one point, in the order in which they are held."""
+    moduli = np.abs(values)
+    top = float(moduli.max(initial=0.0))
+    if float(moduli.min(initial=math.inf)) >= SEPARATED * top:
+        return np.full(values.size, top)
+    return np.asarray(curve.solution(i).value_sizes)
+
+
+def unexplained(curve: Any) -> tuple[list[tuple[float, str]], int]:
+    """Return where the number of growing directions changes by what no special point between explains."""
+    if (
+        len(curve.varied) > 1
+        or _critical(curve) is None
+        or (getattr(curve, "fixed", None) or curve).__dict__.get("family")
+    ):
+        return [], 0
+    counts = _counts(curve)
+    width = counts[:, 1] - counts[:, 0]
+    known = np.flatnonzero(counts[:, 0] >= 0)
+    if known.size < 2:
+        return [], 0
+    slack = int(width[known].min())
+    clear = known[width[known] == slack].tolist()
+    points = sorted(curve.special_points, key=lambda point: point.position)
+    found, told = [], 0
+    for i, j in pairwise(clear):
+        # the point at which a signature changes has the multipliers of either
+        between = [point for point in points if i - _wide(point) < point.position < j + _wide(point)]
+        change = int(counts[j, 0] - counts[i, 0])
+        explained = _explained(between, change, slack)
+        if explained is False and j > i + 1:
+            explained = None  # a point of the branch is critical itself, as where it starts at a fold
+        told += explained is not None
+        if explained is False:
+            names = ", ".join(point.label for point in between) or "nothing"
+            text = f"{counts[i, 0]} growing directions at point {i}, {counts[j, 0]} at point {j}: {names} lies between"
+            found.append((0.5 * (i + j), text))
+    return found, told
+
+
+def critical_rows(curve: Any) -> NDArray[np.bool_]:
+    """Return which points of a branch are critical within the error of their values, shape (point,)."""
+    if len(curve.varied) > 1 or _critical(curve) is None:
+        return np.zeros(len(curve), dtype=np.bool_)
+    counts = _counts(curve)
+    width = counts[:, 1] - counts[:, 0]
+    return np.asarray(width > width.min())
+
+
+def _wide(point: Any) -> int:
+    """Return how many points beside a special point may have the values of its other side."""
+    return 1 if point.type in (*CHANGES, "BE") else 0
+
+
+def _explained(between: list[Any], change: int, slack: int) -> bool | None:
+    """Return whether special points explain a change; None where one of them may change anything."""
+    reached = {0}
+    for point in between:
+        if point.type not in (*_SINGLE, *_PAIRED, "BP") and _says_nothing(point):
+            continue
+        if point.type not in (*_SINGLE, *_PAIRED, "BP"):
+            return None
+        share = 2 if point.type in _PAIRED else 1
+        ways = [-1, 0, 1] if point.type == "BP" else [-1, 1]
+        if not any(abs(known + share * way - change) <= slack for known in reached for way in ways):
+            count = point.multiplicity  # several at once, which takes time to tell
+            ways = ways if count == 1 else list(range(-count, count + 1))
+        reached = {known + share * way for known in reached for way in ways}
+    return any(abs(known - change) <= slack for known in reached)
+
+
+def _says_nothing(point: Any) -> bool:
+    """Return whether a special point is a user's event or an extremum."""
+    return point.type in _FREE or point.type not in POINT_TYPES
+
+
+def contradicted_labels(curve: Any) -> tuple[list[tuple[float, str]], int]:
+    """Return special points whose critical value is none, and points whose stability contradicts their values."""
+    found, told = [], 0
+    error = critical_error(getattr(curve, "tolerance", SOLVED))
+    borders = [point.value(curve.varied[0]) for point in curve.special_points if point.type in CHANGES]
+    for point in curve.special_points if len(curve.varied) == 1 else ():
+        away = _away(curve, point)
+        if away is None or any(_together(curve, point, value) for value in borders):
+            continue  # next to a grazing multipliers change without bound
+        told += 1
+        if not away <= error:
+            value = "eigenvalue" if point.solution.at_rest and hasattr(point.solution, "eigenvalues") else "multiplier"
+            found.append((point.position, f"{point.label} has no critical {value}: the nearest is {away:.2g} away"))
+    if _critical(curve) is None or len(curve.varied) > 1:
+        return found, told
+    counts = _counts(curve)
+    wrong = ((counts[:, 0] > 0) & curve.stable) | ((counts[:, 1] == 0) & ~curve.stable)
+    rows = counts.tolist()
+    found += [
+        (float(i), f"stable is {bool(curve.stable[i])}, but {rows[i][0]} to {rows[i][1]} directions grow")
+        for i in np.flatnonzero(wrong).tolist()
+    ]
+    return found, told + int(np.sum(counts[:, 0] >= 0))
+
+
+def _together(curve: Any, point: Any, value: float) -> bool:
+    """Return whether a special point lies at a value of the parameter, as far as places are told apart."""
+    name = curve.varied[0]
+    return bool(same(point.value(name), value, LOCATED * float(np.ptp(curve.values))))
+
+
+def _away(curve: Any, point: Any) -> float | None:
+    """Return how far the nearest value is from critical at an SN, BP, PD, TR or HB; None where it cannot be told."""
+    solution = point.solution
+    if isinstance(solution, Equilibrium):
+        values, sizes = solution.eigenvalues, solution.value_sizes
+        if np.ptp(sizes) == 0.0:  # all eigenvalues may vanish at the point
+            first = min(int(point.position), len(curve) - 1)
+            sizes = np.maximum(sizes, np.abs(curve.eigenvalues[first : first + 2]).max())
+        if point.type in ("SN", "BP"):
+            return float(np.min(np.abs(values) / np.where(sizes > 0.0, sizes, 1.0)))
+        pairs = values[values.imag > 0.0] if point.type == "HB" else values[:0]
+        return (
+            float(np.min(np.abs(pairs.real) / np.abs(pairs)))
+            if pairs.size
+            else (math.inf if point.type == "HB" else None)
+        )
+    if point.type not in ("SN", "BP", "PD", "TR") or not hasattr(solution, "multipliers"):
+        return None
+    values = solution.multipliers
+    if hasattr(solution, "durations") and solution.system.phase is None:
+        values = values[:-1]
+    if not np.all(np.isfinite(values)) or float(np.abs(values).max(initial=0.0)) > _LARGEST:
+        return None
+    if point.type == "TR":
+        pairs = values[values.imag > 0.0]
+        return float(np.min(np.abs(np.abs(pairs) - 1.0), initial=math.inf))
+    goal = -1.0 if point.type == "PD" else 1.0
+    return float(np.min(np.abs(values - goal), initial=math.inf))
