@@ -43,6 +43,13 @@ def test_growth_without_bound_is_told_at_1e12_and_at_a_given_limit():
         simulate(smooth("x"), x0=[1.0], t_end=1.0, limit=-1.0)
 
 
+@pytest.mark.parametrize("phase", [None, ("s", "w")])
+def test_search_for_an_orbit_tells_growth_that_goes_on(phase):
+    growing = HybridSystem.smooth({"x": "0.01*x"}, {"w": 1.0}, phase=phase)
+    with pytest.raises(DivergenceError, match=r"a state passes 1e\+12"):
+        find_orbit(growing, x0=[1.0])
+
+
 def test_orbit_of_8e13_cells_is_found():
     field = {"x": "x*(1 + 0.5*cos(s) - x/K)"}
     forced = HybridSystem.smooth(field, {"K": 8e13, "w": 1.0}, phase=("s", "w"))

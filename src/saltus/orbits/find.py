@@ -12,6 +12,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ConvergenceError, DefinitionError, InputError, SaltusError, StiffnessError
 from saltus.flow.landings import warn_of
+from saltus.flow.shares import limit_of
 from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_way
 from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
@@ -45,7 +46,7 @@ _FAR = 0.1  # largest distance of a motion from the orbit on which it settles, i
 _NOTHING = 1e-15  # size of a state, over the largest that the search has seen, below which it is at rest
 
 
-_Wanted: TypeAlias = tuple[float, float | None]  # tolerance of the orbit's steps, and size that diverges
+_Wanted: TypeAlias = tuple[float, float]  # tolerance of the orbit's steps, and size that diverges
 
 
 @overload
@@ -157,7 +158,7 @@ def _found(
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     x = wrapped(system.full_state(x0, mode=mode), system.angle_places)
-    limit = None if limit is None else checks.positive("limit", limit)
+    limit = limit_of(system.compiled, p, x) if limit is None else checks.positive("limit", limit)
     longest = 3000.0 if settle is None else checks.positive("settle", settle)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     search = _search_forced if system.phase is not None else _search_autonomous
