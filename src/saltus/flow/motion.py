@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
-from saltus.flow.shares import shares_of, small_groups, with_shares
+from saltus.flow.shares import limit_of, shares_of, small_groups, with_shares
 from saltus.flow.starting import phase_rate
 from saltus.flow.sticking import sticking_surface
 from saltus.flow.stiffness import fastest_in_words, may_be_implicit, worth
@@ -60,6 +60,8 @@ class EventDrivenMotion:
         Steps of dense output in all, at which the motion stops.
     whole : bool, optional
         Whether the absolute tolerance holds for every state, also for those that never cross zero.
+    limit : float, optional
+        Size of a state at which the motion diverges; by default that of `limit_of`.
 
     Notes
     -----
@@ -86,6 +88,7 @@ class EventDrivenMotion:
         most_steps: int | None = None,
         room: int | None = None,
         whole: bool = False,
+        limit: float | None = None,
     ) -> None:
         from saltus.flow.kernels import state as kernels
         from saltus.flow.kernels.event import run_kernel
@@ -94,6 +97,7 @@ class EventDrivenMotion:
         self.kernels, self._run = kernels, run_kernel
         self.system, self.rtol, self.atol = system, float(rtol), float(atol)
         self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
+        self.limit = limit_of(compiled, self.p, x) if limit is None else limit
         self._full = np.ones(n) if whole else shares_of(compiled, self.p)
         self._sizes = np.abs(x)
         self.shares = self._full.copy() if whole else small_groups(compiled, self._sizes, self._full)
@@ -140,7 +144,7 @@ class EventDrivenMotion:
             kernels.System(
                 self.addresses, self.transitions, clocks(system), opposites(system), self.p, self.rate, *counts
             ),
-            kernels.Tolerances(self.rtol, self.atol, *self._ways),
+            kernels.Tolerances(self.rtol, self.atol, self.limit, *self._ways),
             kernels.State(
                 self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
                 self.first_steps, self._guess, self.n_touched, self.touched,
@@ -365,7 +369,7 @@ class EventDrivenMotion:
             return DivergenceError(t, self.x, mode, f"it comes to a two-fold, {where}")
         nowhere = "no motion goes on in this mode"
         reason = {
-            kernels.UNBOUNDED: f"a state passes {kernels.BOUND:g}",
+            kernels.UNBOUNDED: f"a state passes {self.limit:.3g}",
             kernels.STEP_UNDERFLOW: f"the step falls to {step:.3g}, as it does before a singularity",
             kernels.LEFT_DOMAIN: nowhere
             if left.domain == NOWHERE

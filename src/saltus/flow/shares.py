@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 
     from saltus.system.compiled import Compiled
 
-__all__ = ["shares_of", "small_groups", "with_shares"]
+__all__ = ["limit_of", "shares_of", "small_groups", "with_shares"]
 
 _SMALL = 1e-2  # size, or supply in a unit of time, below which a state needs a finer absolute tolerance, as in `sizes`
+_BEYOND = 1e6  # size of a state over the problem's largest one at which it has diverged
+_LARGEST = 1e150  # size whose square a double holds
 
 
 def shares_of(compiled: Compiled, p: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -73,6 +75,28 @@ def small_groups(compiled: Compiled, sizes: NDArray[np.float64], shares: NDArray
         if 0.0 < sizes[members].max() < _SMALL:
             found[members] = -1.0 - group
     return found
+
+
+def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64]) -> float:
+    """Return the size of a state at which a motion diverges: far beyond all sizes that the problem has.
+
+    A rest may be as large as the largest number of the formulas and parameters over the least, or as the start.
+
+    Parameters
+    ----------
+    compiled : Compiled
+        The generated functions.
+    p : ndarray
+        Parameters, extended or not.
+    x : ndarray, shape (all states,)
+        Start.
+    """
+    from saltus.flow.kernels.state import BOUND
+
+    own = np.abs(p[: compiled.n_parameters])
+    numbers = np.concatenate([[1.0], compiled.numbers, own[(own > 0.0) & np.isfinite(own)]])
+    largest = max(float(numbers.max()) / float(numbers.min()), float(np.abs(x).max(initial=0.0)))
+    return min(max(BOUND, _BEYOND * largest), _LARGEST)
 
 
 def with_shares(addresses: NDArray[np.int64], shares: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -104,6 +104,7 @@ def simulate(
     t_end: float | None = None,
     periods: int | None = None,
     tolerance: float | tuple[float, float] = RTOL,
+    limit: float | None = None,
     options: SimulationOptions | None = None,
 ) -> Trajectory:
     """Return the motion of a hybrid system from a state.
@@ -127,6 +128,9 @@ def simulate(
         Relative tolerance of a step, between 1e-14 and 0.1, or a pair of relative and absolute tolerance. By default
         the absolute tolerance is 1e-12. Where a state stays below 1e-2 all along the motion, 1e-12 is
         multiplied by the size of the smallest state. States that never cross zero, as populations, have none then.
+    limit : float, optional
+        Size beyond which a state that grows has diverged. By default 1e12, or a million times the largest size of the
+        problem: the start, or the largest number or parameter over the least.
     options : SimulationOptions, optional
         Numbers of transitions and steps after which the motion ends early; by default 100 000 transitions.
 
@@ -174,6 +178,7 @@ def simulate(
     p = system.parameter_vector(parameters)
     x = start_state(system, x0, mode)
     rtol, atol = tolerances_of(tolerance)
+    limit = None if limit is None else checks.positive("limit", limit)
     end, periods = how_long(system, periods, t_end)
     if periods is not None:
         periods = checks.count("periods", periods)
@@ -186,7 +191,9 @@ def simulate(
     runs: list[EventDrivenMotion] = []
 
     def begun(atol: float) -> EventDrivenMotion:
-        run = EventDrivenMotion(system, p, x.copy(), start, rtol, atol, steps_kept=kept, room=most_steps, whole=given)
+        run = EventDrivenMotion(
+            system, p, x.copy(), start, rtol, atol, steps_kept=kept, room=most_steps, whole=given, limit=limit
+        )
         runs.append(run)
         return run
 

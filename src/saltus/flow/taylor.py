@@ -81,6 +81,7 @@ class TaylorRun:
         first = EventDrivenMotion(system, p, x.copy(), mode, rtol, atol)
         first.let_shares_grow(all_of_them=True)
         self._shares = first.shares  # of which kernels know the address
+        self._limit = first.limit  # that of the start: a motion that is helped on begins anew, larger each time
         self.rate = first.rate
         self.extended_series = series.constants(p)
         self.laws, self.step_tolerances, *_ = first.records
@@ -130,7 +131,8 @@ class TaylorRun:
         """Go on by Runge-Kutta steps to the next wrap or event, and past the crowd of others that follow it."""
         kernels, counts, numbers = self.kernels, self.counts, self.numbers
         left = max(self._most - int(counts[kernels.STEPS]) - self._helped, 1)
-        run = EventDrivenMotion(self.system, self.p, self.x[:-1].copy(), self.mode, *self.tolerances, most_steps=left)
+        x, limit = self.x[:-1].copy(), self._limit
+        run = EventDrivenMotion(self.system, self.p, x, self.mode, *self.tolerances, most_steps=left, limit=limit)
         run.counts[[run.kernels.FIRED, run.kernels.MODE_BEFORE]] = counts[[kernels.FIRED, kernels.MODE_BEFORE]]
         run.side[:] = self.side
         run.numbers[[run.kernels.T, run.kernels.T_LOW]] = numbers[[self.times.T, self.times.T_LOW]]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import singledispatch
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, TypeAlias, overload
 
 import numpy as np
 
 from saltus import checks
 from saltus.errors import ConvergenceError, DefinitionError, InputError, SaltusError, StiffnessError
 from saltus.flow.landings import warn_of
+from saltus.flow.shares import limit_of
 from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_way
 from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
@@ -46,6 +47,9 @@ _FAR = 0.1  # largest distance of a motion from the orbit on which it settles, i
 _NOTHING = 1e-15  # size of a state, over the largest that the search has seen, below which it is at rest
 
 
+_Wanted: TypeAlias = tuple[float, float]  # tolerance of the orbit's steps, and size that diverges
+
+
 @overload
 def find_orbit(
     system: HybridSystem,
@@ -55,6 +59,7 @@ def find_orbit(
     mode: str | None = None,
     settle: float | None = None,
     tolerance: float = 1e-12,
+    limit: float | None = None,
 ) -> PeriodicOrbit: ...
 @overload
 def find_orbit(
@@ -72,6 +77,7 @@ def find_orbit(
     mode: str | None = None,
     settle: float | None = None,
     tolerance: float = 1e-12,
+    limit: float | None = None,
 ) -> PeriodicOrbit | MapOrbit:
     """Return the periodic orbit on which a motion settles.
 
@@ -96,6 +102,8 @@ def find_orbit(
         map iterations, by default 200 000.
     tolerance : float, optional
         Relative tolerance of the orbit's steps.
+    limit : float, optional
+        Size beyond which a state that grows has diverged, as in `simulate`.
 
     Returns
     -------
@@ -136,13 +144,13 @@ def find_orbit(
     >>> find_orbit(oscillator, x0=[0.0, 0.0]).signature
     (('free', 'impact'),)
     """
-    return _found(system, parameters, x0, mode, settle, tolerance)
+    return _found(system, parameters, x0, mode, settle, tolerance, limit)
 
 
 @singledispatch
 def _found(
     system: HybridSystem | Map, parameters: Mapping[str, float] | None, x0: StateLike, mode: str | None,
-    settle: float | None, tolerance: float,
+    settle: float | None, tolerance: float, limit: float | None,
 ) -> PeriodicOrbit | MapOrbit:  # fmt: skip
     from saltus.flow.starting import passed_event, starting_mode
 
@@ -151,12 +159,13 @@ def _found(
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     x = wrapped(system.full_state(x0, mode=mode), system.angle_places)
+    limit = limit_of(system.compiled, p, x) if limit is None else checks.positive("limit", limit)
     longest = 3000.0 if settle is None else checks.positive("settle", settle)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     search = _search_forced if system.phase is not None else _search_autonomous
     try:
         with one_thread(len(system.states)):
-            orbit = in_pieces(search(system, p, x, start, longest, tol))
+            orbit = in_pieces(search(system, p, x, start, longest, (tol, limit)))
     except StiffnessError as error:
         hint = f"settle= allows {_STEPS} steps for each period" + (f"; {error.args[4]}" if error.args[4] else "")
         raise StiffnessError(error.time, error.state, error.mode, error.steps, hint) from None
@@ -168,19 +177,19 @@ def _found(
 @_found.register(Map)
 def _found_map_orbit(
     system: Map, parameters: Mapping[str, float] | None, x0: StateLike, mode: object, settle: float | None,
-    tolerance: float,
+    tolerance: float, limit: float | None,
 ) -> MapOrbit:  # fmt: skip
-    if mode is not None or tolerance != 1e-12:
-        raise InputError("mode, tolerance", "given", "left out for a map", "the state decides on the piece")
+    if mode is not None or tolerance != 1e-12 or limit is not None:
+        raise InputError("mode, tolerance, limit", "given", "left out for a map", "the state decides on the piece")
     return find_map_orbit(system, parameters, x0, settle)
 
 
 def _search_forced(
-    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, tol: float
+    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, wanted: _Wanted
 ) -> PeriodicOrbit:
     from saltus.flow.motion import EventDrivenMotion, start_state
 
-    done, batch, recurrence, atol = 0, 40, math.inf, ATOL
+    (tol, limit), done, batch, recurrence, atol = wanted, 0, 40, math.inf, ATOL
     failure = ""
     # the first look takes its periods, however few `settle` asks for
     spent, most = 0, int(_STEPS * max(longest, batch + 2 * _LONGEST + 1))
@@ -188,13 +197,20 @@ def _search_forced(
     while done < longest:
         kept = STEPS_KEPT if done == 0 else 0
         run = EventDrivenMotion(
-            system, p, start_state(system, x), mode, RTOL, atol, steps_kept=kept, most_steps=most - spent
+            system, p, start_state(system, x), mode, RTOL, atol, steps_kept=kept, most_steps=most - spent, limit=limit
         )
         if done == 0:  # a motion that dies away has no size of its own
             floor = _NOTHING * sizes_on_the_way(run, 2.0 * math.pi / run.rate).of_states
         run.follow(math.inf, batch, None, keep=False)
         seen = EventDrivenMotion(
-            system, p, start_state(system, run.x), run.mode, RTOL, atol, most_steps=most - spent - run.tries
+            system,
+            p,
+            start_state(system, run.x),
+            run.mode,
+            RTOL,
+            atol,
+            most_steps=most - spent - run.tries,
+            limit=limit,
         )
         seen.follow(math.inf, 2 * _LONGEST + 1, _MOST_EVENTS)
         log = event_log(seen)
@@ -271,15 +287,15 @@ def _read_forced(log: EventLog, wraps: NDArray[np.intp], turns: int) -> tuple[Si
 
 
 def _search_autonomous(
-    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, tol: float
+    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, wanted: _Wanted
 ) -> PeriodicOrbit:
-    done, spent, batch, recurrence, atol = 0.0, 0, 1, math.inf, ATOL
+    (tol, limit), done, spent, batch, recurrence, atol = wanted, 0.0, 0, 1, math.inf, ATOL
     failure, places, floor = "", system.angle_places, np.zeros(x.size)
     kinds = max(len(system.transitions), 1)
     while done < longest and spent < _STEPS * longest:
-        gone = follow(system, p, x, mode, batch * _BATCH, batch * kinds * _EVENTS, atol, sampled=False)
+        gone = follow(system, p, x, mode, batch * _BATCH, batch * kinds * _EVENTS, atol, limit, sampled=False)
         begin, x, mode = x, wrapped(gone.log.x_end, places), gone.log.mode_end
-        seen = follow(system, p, x, mode, batch * _BATCH, kinds * (2 * _LONGEST + 1), atol, sampled=True)
+        seen = follow(system, p, x, mode, batch * _BATCH, kinds * (2 * _LONGEST + 1), atol, limit, sampled=True)
         spent += gone.tries + seen.tries
         sizes = sizes_of(system, p, seen)
         floor = np.maximum(floor, _NOTHING * sizes.of_states)  # a state that dies away has no size of its own

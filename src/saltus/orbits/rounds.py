@@ -177,18 +177,16 @@ def _parted(problem: OrbitProblem, u: NDArray[np.float64], count: int, known: Su
     blocks = u[: problem.size].reshape(problem.segments, n + 1)
     if turns % count:
         return None
+    closes, part = signature.kinds[0] in (PHASE_END, CLOSED_END), problem.segments // count
+    modes, transitions, kinds = (each[:part] for each in (signature.modes, signature.transitions, signature.kinds))
+    if not closes and (modes * count != signature.modes or transitions * count != signature.transitions):
+        return None
     survey = problem.survey(u) if known is None else known
-    if signature.kinds[0] in (PHASE_END, CLOSED_END):
+    if closes:
         starts = [blocks[0, :n], *(problem.state_on(0, clustered(j / count)) for j in range(1, count))]
         rounds = np.array([[np.append(state, blocks[0, n] / count)] for state in starts])
         modes, transitions, kinds = signature.modes, signature.transitions, signature.kinds
     else:
-        part = problem.segments // count
-        modes, transitions, kinds = (
-            part_of[:part] for part_of in (signature.modes, signature.transitions, signature.kinds)
-        )
-        if modes * count != signature.modes or transitions * count != signature.transitions:
-            return None
         rounds = blocks.reshape(count, part, n + 1).copy()
     if problem.system.phase is not None:
         rounds[:, :, n - 1] -= (2.0 * math.pi * turns / count) * np.arange(count)[:, None]

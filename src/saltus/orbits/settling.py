@@ -58,12 +58,13 @@ def follow(
     tries: int,
     n_events: int,
     atol: float,
+    limit: float | None = None,
     *,
     sampled: bool,
 ) -> Stretch:
     """Follow a motion for `tries` steps or `n_events` transitions, whichever is first; keep at most 200 000 steps."""
     run = EventDrivenMotion(
-        system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT if sampled else 0
+        system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT if sampled else 0, limit=limit
     )
     run.follow_for(min(tries, MOST_KEPT) if sampled else tries, n_events, t_end=_FOR_EVER, keep=sampled)
     steps: tuple[NDArray[np.float64], ...] = ()

@@ -85,9 +85,10 @@ def _left(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
     known = np.maximum(fresh.state_scale, _ROUNDED * problem.state_scale)
     known[:count] = np.maximum(known[:count], RESTING * float(known[:count].max()))
     left = float(np.max(np.abs(rows[:, :n]) / known))
-    sizes = fresh.event_sizes(own)
-    for kind, row, size in zip(fresh.kinds.tolist(), rows[:, n].tolist(), sizes.tolist(), strict=True):
+    sizes, period = fresh.event_sizes(own), float(np.abs(own[n :: n + 1]).sum())
+    for i, (kind, row, size) in enumerate(zip(fresh.kinds.tolist(), rows[:, n].tolist(), sizes.tolist(), strict=True)):
         if kind == EVENT_END and abs(row) > 0.0:
+            size = max(size, abs(fresh.rate(own, i)[0]) * period)  # an error of the time is none of the event
             left = max(left, abs(row) / size if size > 0.0 else math.inf)
     return left if math.isfinite(left) else math.inf
 

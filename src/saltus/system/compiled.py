@@ -69,6 +69,8 @@ class Compiled:
         all of them 1.
     kinds : ndarray of int64, shape (n,)
         The kind of each state, as `saltus.system.faces` tells them.
+    numbers : ndarray, shape (2,)
+        The largest and the least size of the numbers in fields and resets, 1 and 1 without any.
     groups : ndarray of int64, shape (n,)
         The least state of the group that stays at 0 together with each; -1 for none.
     n, n_parameters, n_constants, n_outputs : int
@@ -89,6 +91,7 @@ class Compiled:
         self._whole = np.ones(self.n)
         self.motion = self._addresses(MOTION)
         self.kinds = np.array(module.KINDS, dtype=np.int64)
+        self.numbers = np.array(module.NUMBERS, dtype=np.float64)
         self.groups = np.array(module.GROUPS, dtype=np.int64)
         self.n_parameters = len(system.parameters)
         self.n_constants = int(module.CONSTANTS)

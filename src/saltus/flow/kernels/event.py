@@ -20,7 +20,6 @@ from saltus.flow.kernels.side import EventEnds, SideRoom, side_after
 from saltus.flow.kernels.state import (
     AGAIN,
     AT_WRAP,
-    BOUND,
     CHATTERING,
     DONE,
     DURATION,
@@ -357,7 +356,7 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
         numbers[FIRST_STEP] = h * min(factor, max(1.0, 0.5 * factor))
     if fired < 0:
         for e in range(system.n_states):
-            if not abs(room.x_end[e]) < BOUND:
+            if not abs(room.x_end[e]) < max(tolerances.bound, abs(state.x[e])):
                 return UNBOUNDED
         if steps.room > 0:
             record_step(steps, state, n, h, mode, dense)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 DONE = 0  # the goal is reached
 AGAIN = 1  # a buffer is full, or the budget of steps is spent
 CHATTERING = 2  # events accumulate
-UNBOUNDED = 3  # a state is larger than `BOUND`
+UNBOUNDED = 3  # a state grows beyond `Tolerances.bound`
 STEP_UNDERFLOW = 4  # the step falls to nothing
 LEFT_DOMAIN = 5
 FIELD_NOT_FINITE = 6
@@ -67,7 +67,7 @@ CHATTERING_RUN = 50  # events in a row, each after a short time, that are not ye
 CHATTERING_DURATION = 1e-10  # such a short time, as a part of the time scale
 NOTHING = 1e-30  # a time, as a part of the time scale, from which hops go on to shrink until their heights underflow
 NOTHING_RUN = 3  # such hops that are chattering, if each is shorter than the last but one
-BOUND = 1e12  # size of a state, in its unit, beyond which it has diverged
+BOUND = 1e12  # least size of a state at which it may have diverged, where the problem has no larger sizes
 
 EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 TWO_PI = 2.0 * math.pi
@@ -113,6 +113,8 @@ class Tolerances(NamedTuple):
     ----------
     rtol, atol : float
         Tolerances.
+    bound : float
+        Size of a state at which it has diverged, if it grows.
     attempt, within, carry : int
         Addresses of these functions of `saltus.flow.kernels.implicit_motion`, 0 where steps are explicit. Implicit ones need
         derivatives among `System.addresses`.
@@ -120,6 +122,7 @@ class Tolerances(NamedTuple):
 
     rtol: float
     atol: float
+    bound: float
     attempt: int = 0
     within: int = 0
     carry: int = 0

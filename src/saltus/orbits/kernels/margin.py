@@ -11,12 +11,14 @@ from saltus.flow.kernels.segment import EVENT_X
 from saltus.orbits.kernels.curve import FINE, GUARD, fine, held, lowest, sample, turning
 from saltus.orbits.kernels.together import holds
 from saltus.orbits.signature import BEYOND, BOUNDARY, EARLY, SECTION, WHOLE
+from saltus.scales import EPS
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 
 LEVEL = 1e-8  # share of an event function's variation within which a segment is as a whole equally far from its surface
 ZERO = 1e-13  # share of an event function's variation below which it is rounding
 TURNS = 1e-4  # share of its value nearby below which a condition is 0 at an extremum of the event function
+ROUNDINGS = 8.0  # roundings of a duration, at most, that a sum of steps makes
 BRIEF = 1e-4  # share of the period below which a segment is too short to show such a distance
 
 
@@ -82,6 +84,9 @@ def margin(view, curve, k, head, transition, before, there, closed, room, found)
     for e in range(view.n):
         reach += abs(room.slope[2 + e]) * view.sizes[e]
     small = 1e-9 * (1e-3 * reach + size)
+    if k == transition:  # a rounded duration is no way beyond the surface, however steeply it is met
+        call(view.functions[EVENT_X], k, 0, pointer(curve.nodes, curve.count * view.n), 0, view.p, room.slope, 0)
+        small = max(small, ROUNDINGS * EPS * abs(room.slope[1]) * curve.duration)
     if view.directions[k] == 0 and height[0 if abs(height[0]) > small else 1] < 0.0:
         sign, top, bottom = -1.0, -bottom, -top
         for j in range(total + 1):

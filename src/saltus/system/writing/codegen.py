@@ -40,6 +40,7 @@ class FlowWriter(Writer):
         self.numbers["LIMITS"] = tuple(any(2 * power == 1 for power in found) for found in powers)
         self.numbers["JUMPS"] = tuple(bool(s.jumps(k)) for k in modes)
         self.numbers["TOO_STEEP"] = tuple(_too_steep(found) for found in powers)
+        self.numbers["NUMBERS"] = self._sizes_of_numbers()
         self.numbers["KINDS"], self.numbers["GROUPS"] = kinds_of(s), groups_of(s)
         yield self._function("field", {k: self._assign(s.field[k]) for k in modes})
         yield self._function("vary", {k: self._vary(s.field[k]) for k in modes})
@@ -69,6 +70,12 @@ class FlowWriter(Writer):
         errors = {symbol: f"x[{self.n + i}]" for i, symbol in enumerate(self.system.x)}
         lines, _, rounding = rounding_lines(self._hoist(event), self._text, errors)
         return [*lines, f"out[0] = {rounding or '0.0'}"]
+
+    def _sizes_of_numbers(self) -> tuple[float, float]:
+        """The largest and the least size of the numbers in fields and resets."""
+        formulas = [formula for part in (*self.system.field, *self.system.reset) for formula in part]
+        sizes = [abs(float(number)) for formula in formulas for number in formula.atoms(sympy.Number) if number != 0]
+        return max(sizes, default=1.0), min(sizes, default=1.0)
 
     def _felt(self, mode: int) -> list[sympy.Expr]:
         """What a mode's motion feels: its field and event functions."""
