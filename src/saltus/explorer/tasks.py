@@ -9,7 +9,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from saltus.errors import InputError, SaltusError
+from saltus.continuation.results.point_normal_forms import NoNormalForm
+from saltus.errors import SaltusError
 from saltus.explorer.solutions import quantity_of
 from saltus.explorer.steps import step_from
 from saltus.explorer.subjects import system_of
@@ -166,11 +167,9 @@ def normal_forms(result: Any, progress: Report | bool) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for point in result.special_points:
-        try:
-            found[point.label] = repr(point.normal_form).partition(": ")[2]
-        except InputError as error:
-            if error.args[0] != "type":
-                found[point.label] = f"none: {error}"
-        except SaltusError as error:
-            found[point.label] = f"none: {error}"
+        form = point.normal_form
+        if not isinstance(form, NoNormalForm):
+            found[point.label] = repr(form).partition(": ")[2]
+        elif not form.expected:
+            found[point.label] = f"none: {form.reason}"
     return found

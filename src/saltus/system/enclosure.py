@@ -1,8 +1,8 @@
 """Bounds of any expression over boxes of states, and whether a few places in a box show all that it does there.
 
-Interval arithmetic encloses the values. Beside the bounds goes a mark, *plain*: no function within the expression
-varies in the box by much more than its own scale, and none has a corner, a jump or a pole there. Samples of a plain
-expression miss nothing; of another one they may, and the box is to be divided.
+Interval arithmetic encloses the values. Beside the bounds goes a mark, *plain*. No function within the expression
+varies in the box by much more than its own scale. None has a corner, a jump or a pole there. Samples of a plain
+expression miss nothing. Of another one they may, and the box is to be divided.
 
 References
 ----------

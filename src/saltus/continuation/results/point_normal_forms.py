@@ -1,16 +1,22 @@
-"""Normal forms at special points, by the kind of solution."""
+"""Normal forms at special points, by the kind of solution, or why there is none."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from saltus.equilibria import Equilibrium
-from saltus.equilibria.normal_forms import EquilibriumNormalForm, normal_form as equilibrium_form
-from saltus.errors import InputError
+from saltus.continuation.core.point_types import POINT_TYPES
+from saltus.equilibria import Equilibrium, find_equilibrium
+from saltus.equilibria.normal_forms import (
+    NORMAL_FORMS as EQUILIBRIUM_FORMS,
+    EquilibriumNormalForm,
+    normal_form as equilibrium_form,
+)
+from saltus.errors import InputError, SaltusError
 from saltus.maps import MapOrbit
 from saltus.maps.normal_forms import map_normal_form
 from saltus.orbits import PeriodicOrbit
@@ -19,7 +25,7 @@ from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Critical", "normal_form_at"]
+__all__ = ["Critical", "NoNormalForm", "normal_form_at"]
 
 
 class Critical(NamedTuple):
@@ -31,9 +37,47 @@ class Critical(NamedTuple):
     scale: NDArray[np.float64] | None
 
 
-@singledispatch
-def normal_form_at(solution: Any, point: Critical) -> NormalForm | EquilibriumNormalForm:
-    """Return the normal form at a special point; a kind of solution registers what it knows.
+@dataclass(frozen=True)
+class NoNormalForm:
+    """What a point without a normal form has instead: the reason."""
+
+    type: str  # type of the point
+    reason: str  # why there is none, a sentence
+    expected: bool = True  # whether no point of this type has one
+    coefficient: float = math.nan  # NaN, as there is none
+
+    @property
+    def criticality(self) -> str:
+        """What is born: ``undetermined``."""
+        return "undetermined"
+
+    def __repr__(self) -> str:
+        return f"NoNormalForm {self.type}: {self.reason}"
+
+
+_REASONS = {
+    "BP": "two branches cross there; switch_branch(point) goes to the other one",
+    "HOM": "cycles end there at a homoclinic orbit, with an infinite period",
+    "SNIC": "cycles end there at a saddle-node on their own curve, with an infinite period",
+    "BE": "an equilibrium meets a surface there; switch_branch(point) tells what lies beyond",
+    "TP": "a parameter turns there; it is no bifurcation",
+    "EX": "a quantity has an extremum there; it is no bifurcation",
+}
+
+
+def _reason(type: str) -> str:
+    """Return why points of a type have no normal form."""
+    known = POINT_TYPES[type]
+    if known.changes:
+        return "the sequence of events changes there; switch_branch(point) tells what lies beyond"
+    if known.locus:
+        beside = f"points of the {known.locus} locus beside it have theirs"
+        return f"none is computed at this point of codimension two; {beside}"
+    return _REASONS.get(type, "none is known of this kind of solution")
+
+
+def normal_form_at(solution: Any, point: Critical) -> NormalForm | EquilibriumNormalForm | NoNormalForm:
+    """Return the normal form at a special point, or why there is none.
 
     Parameters
     ----------
@@ -41,16 +85,32 @@ def normal_form_at(solution: Any, point: Critical) -> NormalForm | EquilibriumNo
         The solution at the point.
     point : Critical
         The point.
-
-    Raises
-    ------
-    InputError
-        No normal form belongs to the type.
     """
+    if not any(isinstance(solution, kind) and point.type in types for kind, types in _OWN.items()):
+        return NoNormalForm(point.type, _reason(point.type))
+    try:
+        return _form_at(solution, point)
+    except SaltusError as error:
+        return NoNormalForm(point.type, str(error), expected=False)
+    except np.linalg.LinAlgError as error:
+        return NoNormalForm(point.type, f"the equations are singular there: {error}", expected=False)
+
+
+# Types with a normal form, by the class of the solution. An HB of orbits is that of the equilibrium they shrink to.
+_OWN: dict[type, tuple[str, ...]] = {
+    Equilibrium: EQUILIBRIUM_FORMS,
+    MapOrbit: NORMAL_FORMS,
+    PeriodicOrbit: (*NORMAL_FORMS, "HB"),
+}
+
+
+@singledispatch
+def _form_at(solution: Any, point: Critical) -> NormalForm | EquilibriumNormalForm:
+    """Return the normal form at a point of a type that has one; a kind of solution registers what it knows."""
     raise InputError("type", point.type, "that of a point with a normal form", "none is known of this kind of solution")
 
 
-@normal_form_at.register(Equilibrium)
+@_form_at.register(Equilibrium)
 def _(solution: Equilibrium, point: Critical) -> EquilibriumNormalForm:
     if (count := solution.multiplicity(point.type, point.varied)) > 1:
         hint = f"{count} are critical at once; switch_branch(point, which=...) gives the branches"
@@ -59,18 +119,26 @@ def _(solution: Equilibrium, point: Critical) -> EquilibriumNormalForm:
     return equilibrium_form(solution.problem(*point.varied), u, point.type, point.scale)
 
 
-@normal_form_at.register(MapOrbit)
+@_form_at.register(MapOrbit)
 def _(solution: MapOrbit, point: Critical) -> NormalForm:
     several = _several(solution, point)
     return NormalForm(point.type, *map_normal_form(solution, point.type)) if several is None else several
 
 
-@normal_form_at.register(PeriodicOrbit)
-def _(solution: PeriodicOrbit, point: Critical) -> NormalForm:
-    if point.type not in NORMAL_FORMS:
-        raise InputError("type", point.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
+@_form_at.register(PeriodicOrbit)
+def _(solution: PeriodicOrbit, point: Critical) -> NormalForm | EquilibriumNormalForm:
+    if point.type == "HB":
+        return _of_birth(solution, point)
     several = _several(solution, point)
     return normal_form(solution, point.type) if several is None else several
+
+
+def _of_birth(solution: PeriodicOrbit, point: Critical) -> NormalForm | EquilibriumNormalForm:
+    """Return the normal form of the Hopf point at which a branch of cycles begins or ends."""
+    low, high = solution.extremes
+    mode = solution.signature[0][0]
+    rest = find_equilibrium(solution.system, solution.parameters, 0.5 * (low + high), mode=mode)
+    return _form_at(rest, point._replace(scale=None))
 
 
 def _several(solution: MapOrbit | PeriodicOrbit, point: Critical) -> NormalForm | None:

@@ -12,7 +12,7 @@ import numpy as np
 from saltus import checks
 from saltus.continuation.core.point_types import POINT_TYPES
 from saltus.continuation.problems.ends.connection import Homoclinic
-from saltus.continuation.results.point_normal_forms import Critical, normal_form_at
+from saltus.continuation.results.point_normal_forms import Critical, NoNormalForm, normal_form_at
 from saltus.continuation.results.point_sensitivities import Place, moved
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.normal_forms import EquilibriumNormalForm
@@ -200,17 +200,16 @@ class SpecialPoint(Generic[Solved]):
         return np.asarray(states[: len(self.orbit.system.states)])
 
     @cached_property
-    def normal_form(self) -> NormalForm | EquilibriumNormalForm:
+    def normal_form(self) -> NormalForm | EquilibriumNormalForm | NoNormalForm:
         """Normal form at the point, computed on first access.
 
         For orbits that of the Poincare map at an SN, PD or TR: docs/theory/loci.md, "Normal forms". For equilibria that
         of the field at an SN, HB, CP or BT: docs/theory/equilibria.md, "Normal forms". For orbits of maps that of the
-        iterate at an SN, PD or TR: docs/theory/map_orbits.md, "Normal forms".
+        iterate at an SN, PD or TR: docs/theory/map_orbits.md, "Normal forms". An HB of orbits has that of the
+        equilibrium to which they shrink.
 
-        Raises
-        ------
-        InputError
-            The point is of another type, or several eigenvalues or pairs of an equilibrium are critical at once.
+        Any other point has a `NoNormalForm`, whose ``reason`` says why: its type has none, or several eigenvalues are
+        critical at once.
         """
         return normal_form_at(self.solution, Critical(self.type, self.label, self.varied, self.scale))
 
