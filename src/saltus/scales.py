@@ -28,7 +28,11 @@ __all__ = [
     "EPS",
     "FINER",
     "FINEST",
+    "HALVES_ALIKE",
+    "HALVES_AT_TURN",
+    "HALVES_PERHAPS",
     "ILL_CONDITIONED",
+    "INFINITE",
     "LOCATED",
     "RESOLVED",
     "RESOLVED_RATIO",
@@ -37,6 +41,7 @@ __all__ = [
     "ROUNDS_ALIKE",
     "SENSITIVITIES",
     "SEPARATED",
+    "SETTLED",
     "SMALLEST",
     "SOLVED",
     "STEPS_TOGETHER",
@@ -89,6 +94,24 @@ ROUNDS_ALIKE = 1e-6
 
 # The same over the size of a state, whose range may be nothing: rounding of the return.
 ROUNDED_ROUNDS = 1e-12
+
+# Newton's method has converged to an orbit where its step, over the unknowns' sizes, is ten times the finest tolerance:
+# the next step, its square, is rounding.
+SETTLED = 1e-11
+
+# An orbit that is solved to rounding goes round a shorter one twice where its halves differ by that share of states'
+# sizes. Next to the halving they differ by the root of the distance, a few 10^-7 at the least of 10^-13.
+HALVES_ALIKE = 1e-8
+
+# The same between the halves at a located turn of the branch, where the place is known to half the digits.
+HALVES_AT_TURN = 1e-3
+
+# The same where the shorter orbit is sought for, and then decides by its own multiplier -1.
+HALVES_PERHAPS = 1e-2
+
+# Modulus of a multiplier from which on an event is met without speed: the inverse of the share of a period at which
+# the time of an event is rounding.
+INFINITE = 1e10
 
 # Error that an orbit's flow leaves in a unit of growth, in its tolerance: so many steps of one tolerance each add up.
 STEPS_TOGETHER = 10.0

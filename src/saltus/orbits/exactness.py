@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import EVENT_END, MEAN_END
-from saltus.scales import FINEST, zero
+from saltus.scales import EPS, FINEST, SETTLED, Scales, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 __all__ = ["computed_finer", "point_errors", "solved"]
 
 _STEPS = 8  # of Newton's method from an orbit to the one of a finer tolerance, at most
-_SETTLED = 1e-11  # last of these steps, over the sizes of states and the period
 
 
 def point_errors(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -42,9 +41,11 @@ def point_errors(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.fl
 
 def solved(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
     """Return whether an orbit solves equations to their tolerance; one of a looser tolerance does not."""
-    F = problem.resolve(u)[0].reshape(problem.segments, problem.n + 1)
-    steps = np.diff(problem.mesh[1])[:, None]
-    return bool(zero(F[:, : problem.n], steps * problem.known.errors))
+    F, n = problem.resolve(u)[0].reshape(problem.segments, problem.n + 1), problem.n
+    # its own sizes: those of a whole branch may be larger by far
+    own = np.maximum(np.abs(problem.begun.lows[:n]), np.abs(problem.begun.highs[:n]))
+    errors = Scales(problem.tol, np.full(n, EPS * float(own.max())), own).errors
+    return bool(zero(F[:, :n], np.diff(problem.mesh[1])[:, None] * errors))
 
 
 def computed_finer(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]] | None:
@@ -74,6 +75,6 @@ def computed_finer(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Orbit
         own += step
         if not (length := float(np.max(np.abs(step) / sizes))) < math.inf:
             return None
-        if length <= _SETTLED:
+        if length <= SETTLED:
             return (finer, own) if finer.start(own) is None else None
     return None

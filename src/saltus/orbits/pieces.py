@@ -12,6 +12,7 @@ from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, PHASE_END
 from saltus.orbits.soundness import sound_orbit
+from saltus.scales import SETTLED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["in_pieces", "solved_in_pieces"]
 
 _ITERATIONS = 40  # Newton steps, at most
-_STEP_ACCEPTED = 1e-11  # largest Newton step, over the unknowns' sizes, of a converged orbit
 _OUTGROWN = 10.0  # size of a state that Newton's steps are measured by, over the orbit's own, from which it is renewed
 
 
@@ -61,7 +61,7 @@ def solved_in_pieces(problem: OrbitProblem, u: NDArray[np.float64]) -> PeriodicO
         u = u + step
         if not np.all(np.isfinite(u)):
             break
-        if np.max(np.abs(step) / _scale(problem, u)) < _STEP_ACCEPTED and problem.refine():
+        if np.max(np.abs(step) / _scale(problem, u)) < SETTLED and problem.refine():
             fresh = _renewed(problem, u)
             if fresh is None:
                 return sound_orbit(problem, u, problem.evaluate(u)[1])

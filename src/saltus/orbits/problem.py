@@ -18,7 +18,7 @@ from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
-from saltus.scales import FINEST, Scales
+from saltus.scales import EPS, FINEST, Scales
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +34,6 @@ _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jaco
 
 _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
 _REMESHED = 12  # most times that the meshes of one orbit are moved
-_EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
 _NONE = np.empty(0)
 _NO_STEPS = np.empty((0, 2))
@@ -287,7 +286,7 @@ class OrbitProblem(Discretised):
         period, n = float(np.abs(blocks[:, self.n]).sum()), self.n
         terms = np.empty((n, n))
         self.equations.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
-        self._least = _EPSILON / self.tol * period * terms.sum(axis=1)
+        self._least = EPS / self.tol * period * terms.sum(axis=1)
         self._moves = terms > _FAINT
 
     def rescale(self, survey: Survey) -> None:

@@ -28,7 +28,7 @@ from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.stability.floquet import nontrivial, undecided
 from saltus.orbits.winding import unwrapped
-from saltus.scales import FINEST
+from saltus.scales import FINEST, SETTLED
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 __all__ = ["check_fields", "check_tol", "converge", "solve_orbit", "solve_unknowns"]
 
 _PATIENCE = 40, 1e-3  # Newton steps, at most, and the least factor on one
-_STEP_ACCEPTED = 1e-11  # largest Newton step, over the unknowns' sizes, of a converged orbit
 _STEP_AT_ROUNDING = 1e-6  # the same where the residual is rounding
 _RESIDUAL_ROUNDING = 1e-13  # residual, over the largest state's size, that is rounding
 _VANISHED = 1e-3  # share of the guess's period below which an orbit has vanished; its square, of the guess's extent
@@ -337,7 +336,7 @@ def solve_unknowns(
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
         rounding = size < _RESIDUAL_ROUNDING * float(problem.state_scale.max()) and length < _STEP_AT_ROUNDING
-        if factor == 1.0 and (length < _STEP_ACCEPTED or rounding):
+        if factor == 1.0 and (length < SETTLED or rounding):
             fine = problem.refine()
             coarse = fine and problem.survey(u).coarse
             if problem.signature.kinds[0] == CLOSED_END and u[problem.n] < 0.2 * given[problem.n]:

@@ -18,6 +18,7 @@ from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, SPEED, Survey
+from saltus.scales import INFINITE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,7 +31,6 @@ _CLEAR = 1e-9  # residual, over the smallest state's size, up to which no furthe
 _LEFT = 1e-6  # largest residual of a solution, over the sizes of what is subtracted in it
 _ROUNDED = 1e-8  # size of a state, over that of the guess, below which what is left may be rounding of the guess
 _LOOSE = 100.0  # the same in relative tolerances of the flow, where that is more
-_INFINITE = 1e10  # modulus from which on a multiplier is that of an event met without speed
 _SPEEDLESS = 1e-6  # rate of an event over a period, over its size, up to which it is met without speed
 
 
@@ -96,7 +96,7 @@ def _left(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
 def _speedless(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey, values: NDArray[np.complex128]) -> bool:
     """Return whether an event at a segment's end is met without speed, so that a multiplier is infinite."""
     kinds = problem.signature.kinds
-    if CUT_END in kinds or not np.any(np.abs(values) >= _INFINITE):
+    if CUT_END in kinds or not np.any(np.abs(values) >= INFINITE):
         return False
     met = np.isin(kinds, (EVENT_END, MEAN_END))
     period = float(u[problem.n : problem.size : problem.n + 1].sum())

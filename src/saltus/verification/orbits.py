@@ -60,7 +60,12 @@ class FollowedOrbit:
     @property
     def loose(self) -> float:
         """Error of states along the orbit, over their sizes, besides that of an orbit of the finest tolerance."""
-        return (self.error - followed(FINEST)) * float(self.growth.max())
+        return max(map(self.late, range(self.growth.size)))
+
+    def late(self, segment: int) -> float:
+        """Return the same for one segment: over the period, by how much its end may come too late."""
+        besides = self.error - followed(FINEST)
+        return besides * float(self.growth[segment]) if besides > 0.0 else 0.0  # the growth may be beyond the floats
 
 
 class OrbitCheck:
@@ -146,7 +151,7 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
             own[-1] = after @ landing @ own[-1]
             end = reference.reset(transition, end)
         gaps.append(_gap(orbit, i, end))
-        growth.append(growth_on_the_way(own, sizes))
+        growth.append(max(1.0, growth_on_the_way(own, sizes)))  # the last step leaves its error as it is
         steps += own
         pieces.append(piece)
     error = followed(orbit.tolerance)
@@ -222,7 +227,7 @@ def _multipliers(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
     if np.any(np.abs(said) > _INFINITE):
         return [unchecked("multipliers", complex(said[0]), "an event has no speed: they are infinite")]
     if not np.all(np.isfinite(found.multipliers)):
-        return [unchecked("multipliers", complex(said[0]), "their size is beyond the floats")]
+        return [unchecked("multipliers", complex(said[0]), "beyond the floats, or too near each other")]
     rows = [
         compared(f"multiplier {i + 1}", complex(one), complex(other), allowed)
         for i, (one, other, allowed) in enumerate(matched(said, found.multipliers, found.uncertain))
@@ -254,7 +259,7 @@ def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
     reference, form = found.reference, orbit.form
     reasons = [f"duration {i}" for i, duration in enumerate(orbit.durations) if not duration > 0.0]
     for i, piece in enumerate(found.pieces):
-        late = (found.error - followed(FINEST)) * float(found.growth[i]) * orbit.period
+        late = found.late(i) * orbit.period
         if not np.all(reference.domain(piece.mode, piece.states[:, 1:-1])):
             reasons.append(f"domain in segment {i}")
         for k in reference.ways_out(piece.mode):

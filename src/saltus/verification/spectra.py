@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import itertools
 import math
@@ -79,6 +80,8 @@ def spectrum(
     level = error * growth_on_the_way(steps, sizes)  # what the factors' errors leave of an eigenvalue
     if norm > _SPREAD * float(np.abs(values).min(initial=1.0)):
         precise = _many_digits(scaled)
+        if not np.all(np.isfinite(precise)):
+            return np.full(values.size - dropped, complex(math.nan)), np.full(values.size - dropped, math.inf)
         order = _order(precise, values)
         values, condition = precise, condition[order]
     uncertain = np.minimum(condition * level, np.sqrt(level * max(norm, 1.0))) + max(least, _ROUNDING * norm)
@@ -162,12 +165,15 @@ def _order(values: NDArray[np.complex128], rough: NDArray[np.complex128]) -> NDA
 
 
 def _many_digits(steps: Sequence[NDArray[np.float64]]) -> NDArray[np.complex128]:
-    """Return the eigenvalues of a product that is computed with many digits."""
+    """Return the eigenvalues of a product that is computed with many digits; NaN where none are found."""
     import mpmath
 
     with mpmath.workdps(_DIGITS):
         product = mpmath.eye(steps[0].shape[0])
         for step in steps:
             product = mpmath.matrix(step.tolist()) * product
-        values = mpmath.eig(product, left=False, right=False)
-        return np.array([complex(value) for value in values])
+        for matrix in (product, product.T):
+            with contextlib.suppress(RuntimeError):  # its iteration may end before a multiple eigenvalue has parted
+                values = mpmath.eig(matrix, left=False, right=False)
+                return np.array([complex(value) for value in values])
+    return np.full(product.rows, complex(math.nan))

@@ -18,7 +18,7 @@ from saltus.orbits.rounds import divided
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.critical import openness
 from saltus.orbits.stability.floquet import Passage, multiplier_errors, multipliers, nontrivial, undecided
-from saltus.scales import FINEST, split
+from saltus.scales import FINEST, HALVES_ALIKE, INFINITE, split
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,18 +28,16 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
 
 __all__ = [
-    "CROSSINGS", "HALVES", "INFINITE", "RESIDUAL", "ROUGH_GRAZING", "SHORT",
+    "CROSSINGS", "HALVES", "RESIDUAL", "ROUGH_GRAZING", "SHORT",
     "goes_twice", "residual_fault", "rests", "step_fault", "tightened", "unconfirmed", "undetermined",
 ]  # fmt: skip
 
 RESIDUAL = 1e-8  # largest residual of an orbit that is kept, over the sizes of states and events
-INFINITE = 1e10  # modulus from which on a multiplier counts as infinite: the orbit is at a grazing
 CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
 HALVES = "halves: the orbit goes round a shorter one twice, and no branch point explains it"
 ROUGH_GRAZING = "location: what lies behind the grazing cannot be told at the tolerance"
 SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
 _STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
-_SAME = 1e-8  # difference of an orbit's halves, over the states' sizes, up to which they are one
 _SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
 _OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
 _CONFIRMED = 1e-5  # distance of a multiplier from its critical value that confirms a bifurcation, besides its error
@@ -75,7 +73,7 @@ def goes_twice(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) ->
     """Return whether an orbit, just surveyed, goes round a shorter one twice; False of an orbit cut in pieces."""
     if CUT_END in problem.signature.kinds:
         return False
-    return divided(problem, u, 2, _SAME * problem.state_scale, survey) is not None
+    return divided(problem, u, 2, HALVES_ALIKE * problem.state_scale, survey) is not None
 
 
 def tightened(

@@ -22,7 +22,6 @@ from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.guards import (
     CROSSINGS,
     HALVES,
-    INFINITE,
     ROUGH_GRAZING,
     SHORT,
     goes_twice,
@@ -55,6 +54,7 @@ from saltus.orbits.stability.floquet import (
     passage,
     unstable_count,
 )  # fmt: skip
+from saltus.scales import HALVES_AT_TURN, INFINITE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,7 +79,6 @@ _UNSOLVED = {
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
 _PARTED = 1e-4  # arclength between a fold and a branch point that are one where the period halves
-_ALIKE = 1e-3  # difference of an orbit's halves there, over the states' sizes
 _ONE = 1e-5  # distance of a multiplier from 1 up to which the orbit may be one of a family
 _CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
 
@@ -404,7 +403,7 @@ class OrbitZeroProblem:
 
         There the equations' errors part both zeros, since they differ between the orbit's halves.
         """
-        apart, sizes = abs(point.arc - arc), _ALIKE * self.problem.state_scale
+        apart, sizes = abs(point.arc - arc), HALVES_AT_TURN * self.problem.state_scale
         return apart <= 1e-5 or (apart <= _PARTED and divided(self.problem, point.u, 2, sizes) is not None)
 
     def _take_limits(self, event: Event) -> None:

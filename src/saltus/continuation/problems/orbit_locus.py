@@ -38,6 +38,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
 from saltus.orbits.stability import floquet
 from saltus.orbits.stability.critical import TOUCHING, Branching, Critical, Grazing
+from saltus.scales import INFINITE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,7 +58,6 @@ _OTHERS = Monitor("others")  # determinant of a multiplier 1 on a TR locus: only
 _RESONANCES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor("R4"): 0.0}  # cosines of angles
 
 _CLOSE = 1e-6  # distance in arclength from a grazing within which another event is its shadow
-_INFINITE = 1e10  # modulus from which on a multiplier counts as infinite
 _CONSTANT = 1e-9  # component of the tangent below which a parameter is constant along a locus
 _ROUGH = 1e-8  # least relative tolerance of the flow for the coefficients of normal forms, unless one vanishes
 _RESONANT = 1e-4  # distance from R1, R2 and R3, in the cosine, within which a torus' coefficient is undetermined
@@ -396,7 +396,7 @@ class LocusZeroProblem:
     ) -> tuple[dict[Monitor, float], NDArray[np.complex128]]:
         """Return test functions and multipliers of the orbit in the signature on one side of a grazing."""
         values = floquet.multipliers(problem, u, J)
-        finite = [v for v in floquet.nontrivial(values, autonomous=self._autonomous).tolist() if abs(v) < _INFINITE]
+        finite = [v for v in floquet.nontrivial(values, autonomous=self._autonomous).tolist() if abs(v) < INFINITE]
         fold, flip, torus = (Monitor(kind, side=side) for kind in ("SN", "PD", "TR"))
         found = {
             fold: self._determinant(fold, 1.0, problem, u, J),

@@ -15,13 +15,13 @@ from saltus.orbits.cuts import in_shares
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import CLOSED_END, PHASE_END
+from saltus.scales import HALVES_PERHAPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["halved"]
 
-_ALIKE = 1e-2  # difference of an orbit's two halves, over the states' sizes, up to which they may be equal
 _NEAR = 1e-4  # distance, over the parameter's interval, between a branch point and the same period doubling
 _REACHES = (1e-3, 1e-2)  # arclengths, to both sides on the shorter orbit's branch, searched for the doubling
 
@@ -44,7 +44,7 @@ def halved(branch: OrbitZeroProblem, point: Point) -> Point | None:
     Point or None
         None where the orbit repeats no shorter one, or where the shorter one does not double its period.
     """
-    short = divided(branch.problem, point.u, 2, _ALIKE * branch.problem.state_scale)
+    short = divided(branch.problem, point.u, 2, HALVES_PERHAPS * branch.problem.state_scale)
     if short is None:
         return None
     signature, u = short
