@@ -2,8 +2,9 @@
 
 This module is the only place with numbers that judge whether two quantities are the same, whether a motion rests,
 whether a value is 0. A judgement holds a difference against the *error* of what was compared, in the units of the
-comparison. The error follows from the tolerance that was asked for, the size of the states on the solution at hand,
-the residual that was reached, and rounding. Whoever gets `Verdict.UNCLEAR` computes more exactly and asks again.
+comparison. The error follows from the tolerance that was asked for, and the size of the states on the solution at hand.
+The residual that was reached, and rounding, enlarge it. Whoever gets `Verdict.UNCLEAR` computes more exactly and asks
+again.
 """
 
 from __future__ import annotations
