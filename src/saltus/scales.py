@@ -8,6 +8,10 @@ the residual reached, and rounding. Whoever gets `Verdict.UNCLEAR` computes more
 comparison. The error follows from the tolerance that was asked for and the sizes of the states on the solution.
 The residual that was reached and rounding enlarge it. Whoever gets `Verdict.UNCLEAR` computes more
 exactly and asks again.
+
+comparison. The error follows from the tolerance that was asked for, and the size of the states on the solution at hand.
+The residual that was reached, and rounding, enlarge it. Whoever gets `Verdict.UNCLEAR` computes more exactly and asks
+again.
 """
 
 from __future__ import annotations

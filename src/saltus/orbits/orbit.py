@@ -17,13 +17,14 @@ from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Estimate, estimate, observe
 from saltus.flow.stretch import Motion
 from saltus.maps.spectrum import count_outside, multiplicity
+from saltus.orbits.coincidences import names_at_once
 from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.sampling import column_of, motion_of, sample_orbit
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.problem import OrbitProblem, follow_from
 from saltus.orbits.rounds import repeats_of, rounds_of
 from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, events_between, path_of, signature_from
-from saltus.orbits.stability.floquet import multipliers, nontrivial, unstable_count
+from saltus.orbits.stability.floquet import multipliers, multipliers_by_order, nontrivial, unstable_count
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.orbits.winding import winding_of
 from saltus.result import frozen
@@ -101,17 +102,11 @@ class PeriodicOrbit(Solution):
         object.__setattr__(self, "multipliers", frozen(self.multipliers, np.complex128))
         object.__setattr__(self, "parameters", checks.named_values("parameter", self.parameters))
         self.form.check(self.system)
-        self._check_shapes()
-
-    def _check_shapes(self) -> None:
-        """Raise `InputError` where an array has a wrong shape: compiled functions do not check shapes."""
+        # compiled functions do not check shapes
         segments, full = len(self.form), len(self.system.all_states)
-        wanted = {
-            "states": (segments, full),
-            "durations": (segments,),
-            "x0": (len(self.system.states),),
-            **dict.fromkeys(("lows", "highs"), (full + len(self.system.outputs),)),
-        }
+        quantities = (full + len(self.system.outputs),)
+        wanted = {"states": (segments, full), "durations": (segments,), "x0": (len(self.system.states),)}
+        wanted |= {"lows": quantities, "highs": quantities}
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
                 raise InputError(f"{name} of an orbit", getattr(self, name).shape, f"of shape {shape}")
@@ -133,10 +128,8 @@ class PeriodicOrbit(Solution):
         """The smooth pieces, in order."""
         heads = self.form.heads
         durations = np.add.reduceat(self.durations, heads)
-        return tuple(
-            Segment(mode, transition, self.states[head], float(duration))
-            for (mode, transition), head, duration in zip(self.signature, heads, durations, strict=True)
-        )
+        rows = zip(self.signature, self.states[list(heads)], durations.tolist(), strict=True)
+        return tuple(Segment(mode, transition, state, duration) for (mode, transition), state, duration in rows)
 
     @property
     def stable(self) -> bool:
@@ -180,6 +173,17 @@ class PeriodicOrbit(Solution):
         return repeats_of(self.problem(), self.unknowns)
 
     @cached_property
+    def coincidences(self) -> tuple[tuple[str, ...], ...]:
+        """Names of transitions that happen at one instant and do not depend on each other, as of equal neurons."""
+        return names_at_once(problem := self.problem(), problem.survey(self.unknowns))
+
+    @cached_property
+    def orders(self) -> Mapping[tuple[str, ...], NDArray[np.complex128]]:
+        """Multipliers by the order of the transitions, where events of one instant have several derivatives."""
+        problem = self.problem()
+        return multipliers_by_order(problem, self.unknowns, problem.resolve(self.unknowns)[1])
+
+    @cached_property
     def winding(self) -> Mapping[str, int]:
         """How many turns each of the system's angles makes in a period: 0 where it swings, else it rotates."""
         return winding_of(self.problem(), self.unknowns)
@@ -206,8 +210,8 @@ class PeriodicOrbit(Solution):
         return checks.named_values("state or output", self._extremes(self.highs))
 
     def _extremes(self, values: NDArray[np.float64]) -> dict[str, float]:
-        names, phase = (*self.system.all_states, *self.system.output_names), (self.system.phase or ("",))[0]
-        return {name: float(value) for name, value in zip(names, values, strict=True) if name != phase}
+        named = zip((*self.system.all_states, *self.system.output_names), values, strict=True)
+        return {name: float(value) for name, value in named if name != (self.system.phase or ("",))[0]}
 
     @property
     def unknowns(self) -> NDArray[np.float64]:
@@ -377,8 +381,9 @@ class PeriodicOrbit(Solution):
         dataset.attrs |= {
             "definition": json.dumps(self.system.definition()), "parameters": json.dumps(dict(self.parameters)),
             "form": json.dumps([self.form.modes, self.form.transitions, self.form.kinds, self.form.turns]),
-            "period": self.period, "residual": self.residual, "faults": self.faults, "stable": int(self.stable),
-            "admissible": int(self.admissible), "tolerance": self.tolerance, "implicit": int(self.implicit),
+            **{name: getattr(self, name) for name in ("period", "residual", "faults")},
+            **{name: int(getattr(self, name)) for name in ("stable", "admissible")},
+            "tolerance": self.tolerance, "implicit": int(self.implicit),
         }  # fmt: skip
         dataset.attrs |= {} if self.fixed is None else {"fixed": json.dumps(self.fixed.as_list())}
         return dataset
@@ -418,11 +423,12 @@ class PeriodicOrbit(Solution):
         rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
         faster = f", in which the motion repeats itself {self.repeats} times, as its drive does" * (self.repeats > 1)
         fixed = "" if self.fixed is None else f"  fixed       {self.fixed}\n"
+        at_once = "".join(f"  at once     {', '.join(names)}\n" for names in self.coincidences)
         steps = "  flow        stiff, by implicit steps\n" if self.implicit else ""
         return (
             f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
             f"  period      {self.period:.12g}{turns}{faster}{rounds}\n"
-            f"  signature   {path_of(self.signature)}\n{fixed}{steps}"
+            f"  signature   {path_of(self.signature)}\n{at_once}{fixed}{steps}"
             f"  x0          [{', '.join(f'{value:.6g}' for value in self.x0)}]\n"
             f"  |multipliers| {', '.join(f'{abs(value):.6g}' for value in self.multipliers)}\n"
             f"  residual    {self.residual:.2g}" + "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])

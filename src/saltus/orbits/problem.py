@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus.errors import ConvergenceError
 from saltus.flow.shares import shares_of, with_shares
+from saltus.orbits.coincidences import judged_together
 from saltus.orbits.common_sizes import common_sizes, surface_rows
 from saltus.orbits.discretisation import Discretised
 from saltus.orbits.frames import lawson_steps
@@ -394,7 +395,7 @@ class OrbitProblem(Discretised):
             self.record, self._events, self.surveyed, self._curve(), (self.tol, self._atol), self.state_scale, u, found
         )
         values: Any = (int(faults) & ~COARSE, bool(faults & COARSE), *found, self.stiff)
-        return Survey(*values)
+        return judged_together(self, u, Survey(*values))
 
     def dense(
         self,

@@ -222,6 +222,8 @@ class Survey(NamedTuple):
     # is the phase; without a phase it grows by 2 pi in a period
     moments: NDArray[np.float64]
     implicit: bool = False  # whether the flow is stiff, and was followed by implicit steps
+    # segments without length whose event happens at the same instant as the one before, whichever of both is first
+    together: tuple[int, ...] = ()
 
     @property
     def means(self) -> NDArray[np.float64]:

@@ -53,8 +53,8 @@ def _excursion(
 
     Two motions next to the one that touches pass the surface with small velocities, and all events that they meet
     count: the mode behind it may be left tangentially, transversally, by a timer, or over further modes. None where
-    they do not come back to the mode, where their time away does not vanish with the velocity, or where a motion that
-    touches would come back elsewhere.
+    they do not come back to the mode, or their time away does not vanish with the velocity. Nor may a motion that
+    touches come back elsewhere.
 
     Parameters
     ----------

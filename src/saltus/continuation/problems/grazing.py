@@ -15,6 +15,7 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.problems.excursions import behind, gone, moved, turns_back, way_back
 from saltus.continuation.problems.margins import passing, run_out
 from saltus.continuation.problems.rows import Found, closed, gathered, joined
+from saltus.orbits.coincidences import Order, exchanged
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.records import changes_nothing
@@ -24,7 +25,7 @@ from saltus.orbits.signature import CLOSED_END, PHASE_END, TOUCH_END, WHOLE, Sig
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Neighbour", "neighbour", "sides_met", "touching", "turned", "vanishing", "vanishing_with"]
+__all__ = ["Neighbour", "exchanged_at", "neighbour", "sides_met", "touching", "turned", "vanishing", "vanishing_with"]
 
 _NEAR = 1e-6  # relative difference, in sizes of states, events or the period, up to which two values are equal
 
@@ -59,6 +60,8 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
     if monitor.kind == "rate":
         monitor = vanishing(problem, blocks, monitor.segment)
+    if (other := exchanged_at(problem, monitor, u)) is not None:
+        return Neighbour(other.signature, np.append(other.blocks.ravel(), u[problem.size :]))
     if monitor.kind == "margin":
         found = _insert(problem, blocks, u, monitor.segment, monitor.transition)
     elif monitor.kind == "side":
@@ -83,6 +86,17 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
     signature, turned = settle_signature(fresh, rows.ravel())
     beside = Neighbour(signature, np.append(turned, u[problem.size :]))
     return _alike(problem, fresh, monitor, beside)
+
+
+def exchanged_at(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> Order | None:
+    """Return an orbit with two events exchanged that a monitor function finds at one instant; None where none are."""
+    if monitor.kind not in ("duration", "ahead"):
+        return None
+    behind = monitor.segment + (monitor.kind == "ahead")
+    problem.survey(u)
+    blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
+    short = abs(blocks[behind % problem.segments, -1]) < _NEAR * np.abs(blocks[:, -1]).sum()
+    return exchanged(problem, blocks, behind % problem.segments, _NEAR) if short else None
 
 
 def _alike(problem: OrbitProblem, old: OrbitProblem, monitor: Monitor, found: Neighbour) -> Neighbour | str:

@@ -177,7 +177,10 @@ class OrbitZeroProblem:
             point.examined = point.examined if again.data is None else again
             self._retries.keep(point)
         if depart(self, self.problem, point.u, point):
-            point.examined = replace(point.examined, monitors={**point.examined.monitors, **self._measured(point)})
+            data: OrbitData | None = point.examined.data
+            alone = {} if data is None else {Monitor("duration", i): math.nan for i in data.survey.together}
+            renewed = {**point.examined.monitors, **self._measured(point), **alone}
+            point.examined = replace(point.examined, monitors=renewed)
 
     def _product(self, name: Monitor, point: Point, mu: float) -> float:
         """Return the product of (multiplier - `mu`) over all multipliers but the trivial one, over its first size."""
@@ -254,6 +257,7 @@ class OrbitZeroProblem:
         data = OrbitData(survey, values, unstable, followed, twice=twice, tolerance=problem.tol)
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
+        monitors |= {Monitor("duration", i): math.nan for i in survey.together}
         still_ahead(monitors, survey, before)
         if abs(values[0]) < INFINITE and not self.neutral:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}

@@ -15,19 +15,31 @@ from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, 
 from saltus.continuation.problems.beside import seen_beside
 from saltus.continuation.problems.changes import passes_smoothly
 from saltus.continuation.problems.ends.unbounded import period_of
-from saltus.continuation.problems.grazing import Neighbour
+from saltus.continuation.problems.grazing import Neighbour, exchanged_at
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.runs.two_sided import turned
+from saltus.orbits.coincidences import Order, commute, exchanged
+from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
-from saltus.orbits.signature import ON_BORDER, Signature, Survey
+from saltus.orbits.signature import DURATION, ON_BORDER, Signature, Survey
 from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["leaving", "seen_beyond", "summed_late", "sums_up", "switched", "turns_back", "without_rounding"]
+__all__ = [
+    "exchanged_freely",
+    "leaving",
+    "parted",
+    "seen_beyond",
+    "summed_late",
+    "sums_up",
+    "switched",
+    "turns_back",
+    "without_rounding",
+]
 
 Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
 Equations: TypeAlias = "Callable[..., OrbitZeroProblem]"
@@ -38,6 +50,7 @@ _PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _CLOSER = (1e-6, 1e-7, 1e-8)  # arclengths from a change of signature, of which one keeps the stability
 _LAST = 8  # points of a branch that tell which way its parameter goes
 _RESTS = 0.1  # way of the parameter over these points, over the longest, up to which it rests
+_PARTING = 1e-2  # duration, over the period, up to which two events that have parted may have exchanged their order
 _ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
 # Survey of a point from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _NONE = np.empty(0)
@@ -102,6 +115,54 @@ def switched(found: Neighbour, problem: OrbitProblem, old: Point, equations: Equ
         item = _first_beyond(branch, point, old, probe) or item
     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
     return branch, item
+
+
+def exchanged_freely(
+    branch: OrbitZeroProblem, way: Monitor, found: Neighbour | str, point: Point, equations: Equations
+) -> Beyond | None:
+    """Return what goes on where two events exchange their order and do not depend on each other, or None.
+
+    The derivative is the same in both orders, so that no special point lies there.
+    """
+    problem, u = whole(branch.problem, point.u)
+    other = exchanged_at(problem, way, u)
+    if other is None or isinstance(found, str):
+        return None
+    behind = way.segment + (way.kind == "ahead")
+    own = Order(problem.signature, u[: problem.size].reshape(problem.segments, problem.n + 1))
+    if not commute(problem, [own, other], behind - 1, behind):
+        return None
+    went = switched(found, branch.problem, point, equations)
+    return None if isinstance(went, str) else went
+
+
+def parted(branch: OrbitZeroProblem, point: Point, equations: Equations) -> Beyond | None:
+    """Return equations and point in the order that events have which were at one instant, and have parted; or None.
+
+    An event that now comes before the one that is before it in the signature has a negative duration.
+    """
+    problem, u = branch.problem, point.u
+    if not point.examined.data.survey.faults & DURATION:
+        return None
+    blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
+    i = int(np.argmin(blocks[:, -1]))
+    problem.survey(u)
+    near = abs(float(blocks[i, -1])) / float(np.abs(blocks[:, -1]).sum())
+    other = exchanged(problem, blocks, i, max(10.0 * near, SAME)) if near < _PARTING else None
+    if other is None:
+        return None
+    found = Neighbour(other.signature, np.append(other.blocks.ravel(), u[problem.size :]))
+    fresh = equations(found.signature, found.u)
+    try:
+        begun = start_point(fresh, found.u)
+    except ValueError:
+        return None
+    begun.examined, begun.arc = fresh.examine(begun, None), point.arc
+    if begun.examined.data is None or not _beyond_changes(fresh.problem, begun):
+        return None
+    # all unknowns but those of the segment between both events, and the duration before it, are what they were
+    same = np.delete(np.arange(u.size), np.arange(i * (problem.n + 1) - 1, (i + 1) * (problem.n + 1)))
+    return fresh, turned(begun, float((point.weights * point.tangent * begun.tangent)[same].sum()), fresh.odd)
 
 
 def _sizes_of_the_born(problem: OrbitProblem, found: Neighbour) -> NDArray[np.float64]:
@@ -279,3 +340,9 @@ def without_rounding(examined: Examined) -> Examined:
     data: OrbitData = examined.data
     survey = data.survey._replace(faults=data.survey.faults & ~ON_BORDER)
     return replace(examined, data=replace(data, survey=survey))
+
+
+def as_before(examined: Examined, last: OrbitData) -> Examined:
+    """Return the data of a cycle that is a point with the multipliers of the last one that is none."""
+    data = replace(examined.data, multipliers=last.multipliers, unstable=last.unstable)
+    return Examined(examined.monitors, examined.fault, data)

@@ -29,7 +29,6 @@ from saltus.continuation.problems.ends.unbounded import (
 )
 from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitZeroProblem
-from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs import beyond
@@ -260,6 +259,9 @@ class OrbitRun(OneParameterRun):
             return self._unbounded(half, grown)
         if (swollen := swells_for_ever(half.points)) is not None:
             return f"{self.place(point)}: {swollen}"
+        if (again := beyond.parted(piece, point, self.equations)) is not None:
+            half.points.pop()
+            return *again, self._first_step
         if beyond.summed_late(piece.problem, point.u):
             again = beyond.seen_beyond(piece, point, self.equations, self._wide, ways=(1.0,), rounds=2)
             if again is not None:
@@ -323,7 +325,7 @@ class OrbitRun(OneParameterRun):
         if any(s.name in CHANGES and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
         if self._is_point(half, branch, point):
-            point.examined = _as_before(point.examined, half.points[-1][1].examined.data)
+            point.examined = beyond.as_before(point.examined, half.points[-1][1].examined.data)
             half.specials.append(self.found("BE", branch, event, half))
             return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
         way = beyond.leaving(branch, event)
@@ -341,6 +343,9 @@ class OrbitRun(OneParameterRun):
             half.specials.append(self.found(name, branch, event, half))
             return self.end_at(half, branch, point, name)
         self._drop_shadows(half, branch, point)
+        exchanged = beyond.exchanged_freely(branch, way, found, point, self.equations)
+        if exchanged is not None:  # independent events: the orbit and its derivative pass on
+            return *exchanged, self._first_step
         half.specials.append(self.found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.equations(found.signature, found.u)
@@ -427,12 +432,6 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
         "form": np.array([forms.index(piece.problem.signature) for piece, _ in joined.rows]),
         "unknowns": tuple(point.u[: piece.problem.size] for piece, point in joined.rows),
     }
-
-
-def _as_before(examined: Examined, last: OrbitData) -> Examined:
-    """Return the data of a cycle that is a point with the multipliers of the last one that is none."""
-    data = replace(examined.data, multipliers=last.multipliers, unstable=last.unstable)
-    return Examined(examined.monitors, examined.fault, data)
 
 
 def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.orbits.coincidences import at_one_instant, chains, commute, orders, shortest_is_brief
 from saltus.orbits.cuts import piece_maps
 from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END
 from saltus.scales import FINEST, ROUGH, Verdict, zero
@@ -26,6 +27,7 @@ __all__ = [
     "height",
     "multiplier_errors",
     "multipliers",
+    "multipliers_by_order",
     "nontrivial",
     "passage",
     "undecided",
@@ -49,6 +51,9 @@ def multipliers(
     problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], flows: NDArray[np.float64] | None = None
 ) -> NDArray[np.complex128]:
     """Return the Floquet multipliers of an orbit, largest modulus first.
+
+    Where several events happen at one instant, and their orders have different derivatives, they are those of the
+    order with the largest multiplier.
 
     They are the generalised eigenvalues of P v = mu R v (docs/theory/orbits.md). Durations have been eliminated by
     reflections, not by dividing by normal velocities, so multipliers can be followed through a grazing. There one is
@@ -74,6 +79,45 @@ def multipliers(
     if CUT_END in problem.signature.kinds:
         problem.set_parameters(u)
         return _of_pieces(problem, u, J, flows)
+    own = _of_segments(problem, u, J)
+    return max([own, *multipliers_by_order(problem, u, J).values()], key=lambda values: abs(values[0]))
+
+
+def multipliers_by_order(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+) -> dict[tuple[str, ...], NDArray[np.complex128]]:
+    """Return the multipliers of an orbit for each order of its events of one instant; nothing where all are alike.
+
+    The flow through events of one instant is piecewise linear: a motion beside the orbit meets them in one order. Where
+    resets and fields commute, all orders have one derivative. An order is told by the names of all transitions.
+
+    References
+    ----------
+    S. A. Burden, S. S. Sastry, D. E. Koditschek, S. Revzen, Event-selected vector field discontinuities yield
+    piecewise-differentiable flows, SIAM J. Appl. Dyn. Syst. 15 (2016).
+    """
+    if problem.segments < 2 or not shortest_is_brief(problem, u):
+        return {}
+    problem.survey(u)
+    members = at_one_instant(problem, u)
+    found = orders(problem, u, members)
+    if len(found) < 2 or all(commute(problem, found, *chain) for chain in chains(members, problem.segments)):
+        return {}
+    values, names = [_of_segments(problem, u, J)], problem.system.transition_names
+    for signature, blocks in found[1:]:
+        other = type(problem)(problem.system, signature, problem.parameters_at(u), tol=problem.tol)
+        own = blocks.ravel()
+        other.start(own)
+        values.append(_of_segments(other, own, other.resolve(own)[1]))
+    problem.set_parameters(u)
+    return {
+        tuple(names[k] for k in order.signature.transitions if k >= 0): one
+        for order, one in zip(found, values, strict=True)
+    }
+
+
+def _of_segments(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the multipliers of an orbit that is not cut."""
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
     closing, autonomous = problem.signature.kinds[0], problem.system.phase is None
