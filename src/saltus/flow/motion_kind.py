@@ -9,9 +9,9 @@ In this order, thresholds being those of `Criteria`:
    state there differs from the one N returns later by more than `recurrence` of its size, or than `noise`. These
    differences do not add up from each N returns to the next, unless they shrink at a steady rate. Or the motion is on
    its way there: the leading exponent is negative, and the differences shrink at a steady rate. From the first half to
-   the second they do so at half the exponent or faster. For N > 1 they are below `settling` of the points' extent, and it
-   keeps up. For N = 1 it shrinks with them, as fast at the end as before. N is at most a quarter of the returns looked
-   at, so that it is seen four times.
+   the second they do so at half the exponent or faster. For N > 1 they are below `settling` of the points' extent, and
+   it keeps up. For N = 1 it shrinks with them, as fast at the end as before. N is at most a quarter of the returns
+   looked at, so that it is seen four times.
 4. ``locked-N``: it recurs after N returns, more than `longest`, and winds round a closed curve. A locked motion on a
    torus does. Points in pairs, as after a period doubling, are counted once. The rotation number is a fraction.
 5. ``chaotic``: the leading exponent is above 0 by more than its error, and perturbations grow by more than the count of
