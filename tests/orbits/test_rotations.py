@@ -292,3 +292,26 @@ def test_the_multipliers_of_slow_rotations_are_those_of_liouville():
     periods, multipliers = branch.period, branch.multipliers[:, 0].real
     assert periods.max() > 16.0
     assert multipliers == pytest.approx(np.exp(-0.3 * periods), rel=2e-8)
+
+
+@pytest.mark.parametrize("rate", [1.2, -1.2, 1.2e9, -1.2e-9])
+def test_a_uniform_rotation_is_an_orbit_of_one_turn(rate):
+    """Its steps grow without bound: nothing bends the motion."""
+    orbit = find_orbit(HybridSystem.smooth({"u": f"{rate!r}"}, {}, angles=("u",)), x0=[0.4])
+    assert orbit.period == pytest.approx(2.0 * math.pi / abs(rate), rel=1e-10)
+    assert orbit.winding == {"u": math.copysign(1, rate)}
+
+
+@pytest.mark.parametrize("start", [0.0, 1e-13, 3.0])
+@pytest.mark.parametrize("p", [0.05, -0.15])
+def test_a_locked_pair_of_rotations_has_the_multiplier_of_its_phase_difference(p, start):
+    """The difference d of the angles obeys d' = 2 p - 2 k sin d, and both turn at the mean rate 1.2."""
+    k = 0.2
+    pair = HybridSystem.smooth(
+        {"u": "1.2 + p - k*sin(u - q)", "q": "1.2 - p - k*sin(q - u)"}, {"p": p, "k": k}, angles=("u", "q")
+    )
+    orbit = find_orbit(pair, x0=[start, start + 0.3])
+    period = 2.0 * math.pi / 1.2
+    assert orbit.period == pytest.approx(period, rel=1e-9)
+    moduli = sorted(np.abs(orbit.multipliers))
+    assert moduli == pytest.approx([math.exp(-2.0 * k * math.cos(math.asin(p / k)) * period), 1.0], rel=1e-6)

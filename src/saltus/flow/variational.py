@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["BATCHES", "CONFIDENCE", "ROWS", "Average", "Growth", "grown", "growth_along"]
+__all__ = ["BATCHES", "CONFIDENCE", "ROWS", "Average", "Growth", "frame_tolerance", "grown", "growth_along"]
 
 BATCHES = 20  # batches into which a stretch is cut for the errors of its exponents
 CONFIDENCE = 0.95  # probability that an exponent lies within its error, were the batches independent and normal
@@ -121,6 +121,13 @@ class Growth:
         quantile = float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
         errors[finite] = quantile * means.std(axis=0, ddof=1) / math.sqrt(count)
         return errors
+
+
+def frame_tolerance(rtol: float) -> float:
+    """Return the relative tolerance of the frame along a motion whose steps have the tolerance `rtol`."""
+    from saltus.flow.kernels import variational as kernels
+
+    return min(kernels.LOOSER * rtol, kernels.LOOSEST)
 
 
 def growth_along(

@@ -13,7 +13,7 @@ from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.sizes import ATOL, EPSILON, MOST_KEPT, RTOL, STEPS_KEPT, Sizes, sizes_from
 from saltus.flow.stretch import dense_states
 from saltus.orbits.signature import EVENT_END, Signature
-from saltus.system.angles import wrapped
+from saltus.system.angles import TURN, wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,16 +66,37 @@ def follow(
     run = EventDrivenMotion(
         system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT if sampled else 0, limit=limit
     )
-    run.follow_for(min(tries, MOST_KEPT) if sampled else tries, n_events, t_end=_FOR_EVER, keep=sampled)
+    longest = min(_turning_time(system, p, x, mode, tries), _FOR_EVER)
+    run.follow_for(min(tries, MOST_KEPT) if sampled else tries, n_events, t_end=longest, keep=sampled)
     steps: tuple[NDArray[np.float64], ...] = ()
     times, states = np.empty(0), np.empty((0, run.x.size))
     if sampled:
         spans, _, starts, dense = run.steps()
         steps = spans, starts, dense
-        at, share = np.repeat(np.arange(len(spans)), _SAMPLES), np.tile(np.arange(_SAMPLES) / _SAMPLES, len(spans))
+        counts = _samples_of(np.vstack([starts, run.x]), system.angle_places)
+        at = np.repeat(np.arange(len(spans)), counts)
+        share = (np.arange(at.size) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[at]
         times = np.append(spans[at, 0] + share * spans[at, 1], run.time)
         states = np.vstack([dense_states(starts[at], dense[at], share), run.x])
     return Stretch(mode, event_log(run), run.events_passed, run.tries, steps, times, states)
+
+
+def _turning_time(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, turns: int) -> float:
+    """Return the time of so many turns of the fastest angle; infinite where none turns.
+
+    Steps of a uniform rotation grow without bound: their count bounds neither the time nor the turns.
+    """
+    if not system.angle_places.size:
+        return math.inf
+    rates = system.compiled.field(mode, np.ascontiguousarray(start_state(system, x)), p)[system.angle_places]
+    fastest = float(np.abs(rates).max())
+    return turns * TURN / fastest if fastest > 0.0 else math.inf
+
+
+def _samples_of(states: NDArray[np.float64], places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the samples of each step between states: as many to a turn of an angle as there are to a step."""
+    turned = np.abs(np.diff(states[:, places], axis=0)).max(axis=1, initial=0.0) / TURN
+    return np.asarray(np.maximum(np.ceil(_SAMPLES * turned), _SAMPLES), dtype=np.int64)
 
 
 def sizes_of(system: HybridSystem, p: NDArray[np.float64], seen: Stretch) -> Sizes:

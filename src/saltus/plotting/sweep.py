@@ -9,7 +9,15 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError
-from saltus.flow.motion_kind import CHAOTIC, CHATTERING, DIVERGED, NO_RETURN, QUASI_PERIODIC
+from saltus.flow.motion_kind import (
+    CHAOTIC,
+    CHATTERING,
+    DIVERGED,
+    NO_RETURN,
+    QUASI_PERIODIC,
+    STRANGE,
+    UNRESOLVED,
+)  # fmt: skip
 from saltus.plotting import plot, style
 from saltus.sweeps.sweep import Sweep
 
@@ -30,8 +38,11 @@ _KINDS = {
     "period-4": "#6fa3cd",
     "period-8, -16, ...": "#3c78ad",
     "other periods": "#8cc7b5",
+    "locked": "#d8d48a",
     QUASI_PERIODIC: "#f0c04a",
+    STRANGE: "#e07b39",
     CHAOTIC: "#b8101f",
+    UNRESOLVED: "#f2f2f2",
     NO_RETURN: "#dddddd",
     DIVERGED: "#555555",
     CHATTERING: "#7a5c3e",
@@ -172,6 +183,8 @@ def _figure(ax: Axes) -> Figure | SubFigure:
 
 def _kind(label: str) -> str:
     """Return the key of `_KINDS` to which a label belongs."""
+    if label.startswith("locked-"):
+        return "locked"
     if not label.startswith("period-"):
         return label
     period = int(label.removeprefix("period-"))

@@ -12,8 +12,9 @@ Rules
   size, and settles once more.
 * A motion without a return for `Criteria.absence` mean return times is taken not to return to the section. The mean
   return time is measured over the first of the dropped returns.
-* A motion that is neither chaotic by its exponent, nor periodic, nor on a closed curve has not settled. It is followed
-  as long again, `Criteria.patience` times at most.
+* A motion that cannot be told is followed on, and looked at over `Criteria.patience` times as many returns, then over
+  as many times that. So is one that is weakly chaotic or quasi-periodic, once, and a strange one that is not chaotic.
+  What cannot be told then is ``unresolved``, with the reason.
 * The exponents are measured over as many returns again, after those of the label. Where their error leaves open whether
   a motion without recurrence is chaotic, `Criteria.patience` times as many returns follow.
 * The motion of a map returns at each iteration, and its exponents are per iteration.

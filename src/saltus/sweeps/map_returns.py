@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.flow.motion_kind import Criteria, Kind
+    from saltus.flow.criteria import Criteria
+    from saltus.flow.motion_kind import Kind
     from saltus.sweeps.options import SweepOptions
     from saltus.system import Map
     from saltus.system.states import StateLike
@@ -43,6 +44,8 @@ class MapReturns:
     exponents: int
     criteria: Criteria
     faults: ClassVar[tuple[type[Exception], ...]] = (DivergenceError,)
+    growth_error: ClassVar[float] = 0.0
+    autonomous: ClassVar[bool] = False
 
     @classmethod
     def checked(cls, system: Map, x0: StateLike | None, options: SweepOptions) -> MapReturns:
@@ -122,7 +125,7 @@ class MapReturns:
         self, parameters: Mapping[str, float], found: PoincareReturns, kind: Kind, observables: Sequence[str]
     ) -> list[float]:
         """Return observables over the period of a periodic motion, else over the states kept."""
-        last = min(kind.period if kind.label.startswith("period-") else self.keep, len(found.states))
+        last = min(kind.period or self.keep, len(found.states))
         return observe_states(self.system, parameters, found.states[-last:], found.modes[-last:], observables)
 
     def check_observables(self, observables: Sequence[str]) -> None:

@@ -18,7 +18,7 @@ from saltus.flow.poincare import EventSection, PoincareReturns, admits, iterate
 from saltus.flow.simulation import simulate
 from saltus.flow.sizes import fitting_atol
 from saltus.flow.starting import phase_rate, starting_mode
-from saltus.flow.variational import Average, Growth, growth_along
+from saltus.flow.variational import Average, Growth, frame_tolerance, growth_along
 from saltus.sweeps.section import Section, on_section
 from saltus.system import HybridSystem
 from saltus.system.angles import on_circles, wrapped
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.flow.motion_kind import Criteria, Kind
+    from saltus.flow.criteria import Criteria
+    from saltus.flow.motion_kind import Kind
     from saltus.sweeps.options import SweepOptions
     from saltus.system.states import StateLike
 
@@ -52,9 +53,21 @@ class Returns(Protocol):
     ----------
     faults : tuple of exception types
         Errors of a motion that give it the label ``diverged`` or, where events accumulate, ``chattering``.
+    growth_error : float
+        Error of a leading exponent per return that no longer time makes smaller.
+    autonomous : bool
+        Whether an exponent is 0 by itself, that of the flow's direction.
     """
 
     faults: ClassVar[tuple[type[Exception], ...]]
+
+    @property
+    def growth_error(self) -> float:
+        """See the class."""
+
+    @property
+    def autonomous(self) -> bool:
+        """See the class."""
 
     def described(self) -> dict[str, Any]:
         """Return the settings as plain data."""
@@ -147,6 +160,16 @@ class FlowReturns:
             rtol=rtol,
             atol=math.nan if atol is None else atol,
         )
+
+    @property
+    def growth_error(self) -> float:
+        """Tolerance of the frame that is carried along a motion: steps may turn and stretch it always alike."""
+        return frame_tolerance(self.rtol)
+
+    @property
+    def autonomous(self) -> bool:
+        """Whether the system has no phase."""
+        return self.system.phase is None
 
     def described(self) -> dict[str, Any]:
         """Return the settings as plain data."""
@@ -287,7 +310,7 @@ class FlowReturns:
         from saltus.flow.observables import observe
 
         multiple = math.lcm(*(order.denominator for order in self._orders(observables)))
-        time = self.mean_time(found) * (kind.period if kind.label.startswith("period-") else self.keep)
+        time = self.mean_time(found) * (kind.period or self.keep)
         how_long: dict[str, Any] = {"t_end": time}
         if self.system.phase is not None:
             period = self._period(self.system.parameter_vector(parameters))

@@ -94,7 +94,7 @@ class Sweep(Result):
     periods : ndarray of int, shape (direction, value)
         Returns after which it recurs, 0 where it does not.
     rotations : ndarray, shape (direction, value)
-        Rotation number in turns per return, where the motion is quasi-periodic.
+        Rotation number in turns per return, where the motion is quasi-periodic or locked.
     curves : ndarray of int, shape (direction, value)
         Closed curves on the section to which the rotation number refers.
     exponents, errors : ndarray, shape (direction, value, exponent)
@@ -106,7 +106,7 @@ class Sweep(Result):
     observed : ndarray, shape (direction, value, observable)
         Its values.
     reasons : ndarray of str, shape (direction, value)
-        Reason why there is no motion, where there is none.
+        Reason why there is no motion, where there is none, or why it is unresolved.
     states : ndarray, shape (direction, value, all states)
         Full states at the end of each value, from which the motion at the next value starts.
     modes : ndarray of int, shape (direction, value)

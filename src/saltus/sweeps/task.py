@@ -14,7 +14,18 @@ import numpy as np
 from saltus import checks
 from saltus.ensemble.returns import Start
 from saltus.errors import ChatteringError, InputError
-from saltus.flow.motion_kind import CHATTERING, DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
+from saltus.flow.criteria import Criteria
+from saltus.flow.motion_kind import (
+    CHAOTIC,
+    CHATTERING,
+    DIVERGED,
+    NO_RETURN,
+    QUASI_PERIODIC,
+    STRANGE,
+    UNRESOLVED,
+    Kind,
+    classify,
+)  # fmt: skip
 from saltus.flow.poincare import PoincareReturns
 from saltus.flow.variational import Growth
 from saltus.sweeps.map_returns import MapReturns
@@ -31,6 +42,8 @@ if TYPE_CHECKING:
     from saltus.system.states import StateLike
 
 __all__ = ["Begun", "Row", "Task"]
+
+_LOOKS = 3  # looks at a motion, each `Criteria.patience` times as long as the one before
 
 
 @dataclass(frozen=True)
@@ -220,17 +233,18 @@ class Task:
         if self._rests(seen):
             pushed = _pushed(seen.found.x_end, len(self.system.states), self.criteria.push)
             seen = self._seen(p, self.motions.settled(p, pushed, seen.found.mode_end, self._looked_at))
-        for _ in range(self.criteria.patience):
-            if seen.growth is None or seen.kind.label != QUASI_PERIODIC or seen.kind.curves:
+        for look in range(1, _LOOKS):
+            if not self._in_doubt(seen, look):
                 break
-            x, mode = seen.growth.x_end, seen.growth.mode_end
-            seen = self._seen(p, self.motions.settled(p, x, mode, self._looked_at))
+            count = self._looked_at * self.criteria.patience**look
+            seen = self._seen(p, self.motions.settled(p, seen.found.x_end, seen.found.mode_end, count), count=count)
         found, growth, kind = seen
         points = self._points(found, parameters)
         if growth is None:
             return Row(kind.label, points=points, state=found.x_end, mode=found.mode_end)
         return Row(
             kind.label,
+            self._reason(seen) if kind.label == UNRESOLVED else "",
             points=points,
             kind=kind,
             exponents=growth.exponents,
@@ -241,18 +255,51 @@ class Task:
             mode=found.mode_end,
         )
 
-    def _seen(self, p: NDArray[np.float64], found: PoincareReturns, known: Begun | None = None) -> _Seen:
-        """Find the kind of a motion from its returns."""
-        if len(found.times) < self._looked_at:
+    def _seen(
+        self, p: NDArray[np.float64], found: PoincareReturns, known: Begun | None = None, count: int | None = None
+    ) -> _Seen:
+        """Find the kind of a motion from its returns, `count` of them."""
+        if len(found.times) < (count or self._looked_at):
             return _Seen(found, None, Kind(NO_RETURN, 0, math.nan, 0))
         return _Seen(found, *self._measured(p, found, Begun() if known is None else known))
+
+    def _in_doubt(self, seen: _Seen, look: int) -> bool:
+        """Whether a longer look decides on a motion: `look` counts those so far.
+
+        A torus and a strange set are believed when they are seen again, at their finest. So is weak chaos.
+        """
+        if seen.growth is None or self.criteria.patience == 1:
+            return False
+        if seen.kind.label == CHAOTIC:
+            return look == 1 and self._is_weak(seen)
+        if seen.kind.label == QUASI_PERIODIC:
+            return look == 1
+        return seen.kind.label in (UNRESOLVED, STRANGE) or not seen.kind.sure
+
+    def _is_weak(self, seen: _Seen) -> bool:
+        """Whether the leading exponent is above 0 by little more than its error."""
+        exponent, error = self._leading(seen)
+        return exponent - error < self.criteria.exponent
+
+    def _leading(self, seen: _Seen) -> tuple[float, float]:
+        """Return the leading exponent per return, and its error."""
+        if seen.growth is None:
+            return math.nan, math.nan
+        time = self.motions.mean_time(seen.found)
+        return float(seen.growth.exponents[0]) * time, float(seen.growth.errors[0]) * time
+
+    def _reason(self, seen: _Seen) -> str:
+        """Return in words why a motion is unresolved."""
+        exponent, error = self._leading(seen)
+        found = f"the leading exponent is {exponent:.3g} +- {error:.1g} a return, and no lag repeats"
+        return f"{found} in {len(seen.found.times)} returns: a larger discard or keep may tell"
 
     def _rests(self, seen: _Seen) -> bool:
         """Whether a motion that recurs does so although its leading exponent is above 0, by more than its error."""
         if seen.growth is None or not seen.kind.period:
             return False
         exponent, error = float(seen.growth.exponents[0]), float(seen.growth.errors[0])
-        return exponent > max(self.criteria.exponent / self.motions.mean_time(seen.found), error)
+        return exponent > error + self.motions.growth_error / self.motions.mean_time(seen.found)
 
     @property
     def _looked_at(self) -> int:
@@ -267,7 +314,7 @@ class Task:
 
     def _measured(self, p: NDArray[np.float64], found: PoincareReturns, known: Begun) -> tuple[Growth, Kind]:
         """Return the growth of perturbations, and the kind of the motion."""
-        returns, motions = self._looked_at, self.motions
+        returns, motions = len(found.times), self.motions
         time = motions.mean_time(found)
         compared = motions.compared(p, found, time)
         growth = known.growth or motions.growth(p, found.x_end, found.mode_end, returns, time)
@@ -280,8 +327,10 @@ class Task:
 
     def _kind(self, compared: tuple[NDArray[np.float64], NDArray[np.float64]], growth: Growth, time: float) -> Kind:
         states, rounding = compared
-        exponent, error = float(growth.exponents[0]) * time, float(growth.errors[0]) * time
-        return classify(states, exponent, error, self.criteria, rounding)
+        exponent = float(growth.exponents[0]) * time
+        error = float(growth.errors[0]) * time + self.motions.growth_error
+        autonomous = self.motions.autonomous
+        return classify(states, exponent, error, self.criteria, rounding, autonomous=autonomous)
 
 
 @singledispatch

@@ -63,7 +63,7 @@ class Attractors(Result):
     names : tuple of str
         Attractors in the order of their labels 0, 1, ...
     kinds : mapping of str to str
-        Kind of each attractor, by name: ``rest``, ``period-N``, ``quasi-periodic``, ``chaotic`` or ``limit cycle``.
+        Kind of each attractor, by name: ``rest``, ``period-N``, ``limit cycle``, or a label of a sweep as ``chaotic``.
         ``rest``: no state moves and no event is met, also in a forced system.
     points : mapping of str to ndarray, shape (k, n)
         States at strobes: the N points of a period-N attractor in the order of visits, a sample of any other.

@@ -29,7 +29,7 @@ from saltus.basins.attractors.found import LIMIT_CYCLE, NEAR, REST, SAME, Found,
 from saltus.basins.attractors.periodic import LONGEST, MOST_ATTEMPTS, PeriodicSearch, in_order
 from saltus.ensemble.traps import DIVERGED, Traps
 from saltus.errors import InputError, SaltusError
-from saltus.flow.motion_kind import classify
+from saltus.flow.motion_kind import UNRESOLVED, classify
 from saltus.orbits import PeriodicOrbit, find_orbit
 from saltus.orbits.stability.floquet import nontrivial
 from saltus.system.maps import flowing
@@ -171,13 +171,19 @@ class AttractorSearch(PeriodicSearch):
             return None
         exponent, error = (float(value[0]) * period for value in (growth.exponents, growth.errors))
         rounding = criteria.noise * self.options.tolerance * self.scale
-        kind = classify(cloud, exponent, error, criteria, rounding)
-        is_periodic = kind.label.startswith("period-")
+        kind = classify(cloud, exponent, error, criteria, rounding, autonomous=not sampled)
+        is_periodic = kind.period > 0
+        if kind.label == UNRESOLVED and not last:
+            return None
         if is_periodic and sampled and kind.period <= LONGEST and not last:
             return None
         moved = np.ptp(cloud, axis=0) / self.scale
         found = Found(
-            REST if kind.period == 1 and not sampled and float(moved.max()) < SAME else kind.label,
+            REST
+            if kind.period == 1 and not sampled and float(moved.max()) < SAME
+            else f"period-{kind.period}"
+            if is_periodic
+            else kind.label,
             in_order(cloud[-kind.period :], self.scale) if is_periodic else cloud,
             None,
             frozenset(self.system.mode_names[k] for k in modes),

@@ -65,7 +65,7 @@ class TestWhole:
             "1.00": "period-2",
             "1.02": "period-4",
             "1.023": "chaotic",
-            "1.046": "quasi-periodic",
+            "1.046": "locked-20",
         }
         assert (content["periods"]["1.00"], content["periods"]["1.02"], content["periods"]["1.023"]) == (2, 4, 0)
         for named, value in content["at"].items():
