@@ -58,7 +58,9 @@ def clashes_of(system: HybridSystem, parameters: Mapping[str, float], events: ND
         near = values <= _LOOKED_AT * np.max(values, initial=0.0)
         for row in rows[near | (values <= _ROUNDINGS * EPS)]:
             other, x = system.transition_names.index(str(row["name"])), np.ascontiguousarray(row["before"])
-            if other < k and _is_due(system, k, x, p) and not _commute(system, other, k, x, p):
+            if other >= k or _are_choices(system, other, k):
+                continue
+            if _is_due(system, k, x, p) and not _commute(system, other, k, x, p):
                 yield Clash(float(row["time"]), str(row["name"]), transition.name, transition.source)
 
 
@@ -67,6 +69,12 @@ def warn_of_clashes(system: HybridSystem, parameters: Mapping[str, float], event
     clash = next(clashes_of(system, parameters, events), None)
     if clash is not None:
         warnings.warn(f"saltus: {clash}", RuntimeWarning, stacklevel=3)
+
+
+def _are_choices(system: HybridSystem, one: int, other: int) -> bool:
+    """Return whether two transitions are ways out of a mode by one event, of which the first that holds is meant."""
+    a, b = system.transitions[one], system.transitions[other]
+    return a.event == b.event and a.target != a.source
 
 
 def _is_due(system: HybridSystem, k: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> bool:
