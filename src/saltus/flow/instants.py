@@ -47,6 +47,9 @@ def clashes_of(system: HybridSystem, parameters: Mapping[str, float], events: ND
     events : structured ndarray, shape (event,)
         The events of a motion, as `Trajectory.events` has them.
     """
+    sources = [transition.source for transition in system.transitions]
+    if len(set(sources)) == len(sources):
+        return
     log = events[events["kind"] == "event"]
     p = system.compiled.extended(system.parameter_vector(parameters))
     for k, transition in enumerate(system.transitions):
