@@ -79,10 +79,11 @@ def test_a_motion_along_one_surface_crosses_another_one():
 
 
 def test_a_place_where_surfaces_meet_without_one_way_on_is_told():
-    fields = {a + b: {"x": "-1" if a == "+" else "1", "y": "-1" if b == "+" else "1"} for a in "+-" for b in "+-"}
-    system = saltus.filippov(("x", "y"), {}, surfaces=("x", "y"), fields=fields)
-    with pytest.raises(saltus.SaltusError):
-        saltus.simulate(system, {}, [0.2, 0.5], t_end=2.0)
+    rates = {"+": "-1", "-": "1"}
+    fields = {a + b: {"x": rates[a], "y": rates[b], "z": "1" if a == b else "0"} for a in "+-" for b in "+-"}
+    system = saltus.filippov(("x", "y", "z"), {}, surfaces=("x", "y"), fields=fields)
+    with pytest.raises(saltus.SaltusError, match="no single way on"):
+        saltus.simulate(system, {}, [0.2, 0.5, 0.0], t_end=2.0)
 
 
 @pytest.mark.parametrize(

@@ -375,7 +375,9 @@ def grazing_orbits(point: SpecialPoint) -> list[PeriodicOrbit]:
     problem, u = orbit.problem(), orbit.unknowns
     found, period = [orbit], orbit.period
     survey = problem.survey(u)
-    touching = [name for name, i in timed(orbit.form).items() if abs(orbit.durations[i]) < _TOUCHING * period]
+    touching = [
+        name for name, i in timed(orbit.system, orbit.form).items() if abs(orbit.durations[i]) < _TOUCHING * period
+    ]
     touching += [] if touching else run_out(problem, u, survey)
     heights = np.ptp(np.stack([survey.lows, survey.highs]), axis=0)
     size = float(heights[: len(orbit.system.states)].max())

@@ -8,7 +8,8 @@ Rules
 * The change of sign is one above the rounding of the function. Where the function touches 0, or stays at 0, to its
   rounding, there is no event: `Trajectory.touches` names such places.
 * Where several happen at the same time, the first in the definition comes first. Another follows at once if, after the
-  reset, the mode is still its source and its event function still passes zero.
+  reset, the mode is still its source and its event function still passes zero. A `RuntimeWarning` names two that would
+  lead elsewhere in the other order.
 * A motion that starts on an event surface leaves it to one side. If this is the side of the event's direction, the
   event happens at once; an event of direction 0 does not.
 * A transition that changes nothing (a counter on a section) does not happen at a start, whatever its direction. It also
@@ -41,6 +42,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.flow.event_tables import event_table
+from saltus.flow.instants import warn_of_clashes
 from saltus.flow.landings import warn_behind_wall, warn_of
 from saltus.flow.motion import EventDrivenMotion, how_long, start_state, tolerances_of
 from saltus.flow.sizes import RTOL, followed_in_size
@@ -153,7 +155,8 @@ def simulate(
     -----
     RuntimeWarning
         A transition lands beyond an event of its target mode; see `Trajectory.landings_beyond`. Or the start lies
-        behind an event whose reset throws motions back, as below a table.
+        behind an event whose reset throws motions back, as below a table. Or two transitions are due at the same time,
+        and lead elsewhere in the other order.
 
     References
     ----------
@@ -240,4 +243,5 @@ def simulate(
         touches=touches_of(system, run.n_touched, run.touched),
     )
     warn_of(motion.landings_beyond)
+    warn_of_clashes(system, motion.parameters, motion.events)
     return motion

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from saltus.errors import DefinitionError, nearest
 from saltus.system.expressions import Names, parse, text_of
 from saltus.system.hybrid import HybridSystem
+from saltus.system.intersections import ABOVE, BELOW, ON, fields_at_intersections, rates_at, short, with_sign
 from saltus.system.parts import (
     NOWHERE,
     Mode,
@@ -30,13 +31,9 @@ if TYPE_CHECKING:
 
 __all__ = ["filippov", "lines_of"]
 
-_ABOVE = "+"
-_BELOW = "-"
-_ON = "0"
-_NAMES = {_ABOVE: "above", _BELOW: "below", _ON: "sliding"}  # modes where there is one surface
+_NAMES = {ABOVE: "above", BELOW: "below", ON: "sliding"}  # modes where there is one surface
 _NO_WAY = "no single way on"  # mode in which a motion ends where surfaces meet
 _NO_FIELD = "no field there"  # mode in which a motion ends that comes into a region without a field
-_LONG = 120  # operations of a quotient above which it is left as it is
 _MOST = 4  # surfaces: there are 2**4 fields then
 
 
@@ -103,8 +100,10 @@ def filippov(
     (L- f+ - L+ f-)/(L- - L+). A motion slides where L+ < 0 < L- (Filippov 1988, section 4). Where L+ > 0 > L-, motions
     leave the surface to either side, so none is continued: a start there is refused.
 
-    Where a motion that slides along one surface meets another surface, it goes on in the one way that there is: sliding
-    along either of them, or into a region. It ends with an error where there are several ways, or none.
+    Where a motion that slides along one surface meets another surface, it goes on in the one way that there is: along
+    either of them, into a region, or along both. Along both (mode ``"00"``) there is one way where the jumps at the two
+    add up, and the rates at each know nothing of the other. So it is for frictions of two bodies, each of its own
+    velocity. A motion ends with an error where there are several ways, or none.
 
     References
     ----------
@@ -189,14 +188,14 @@ def _regions(
     """Return the surfaces, and the field of each region by its signs."""
     single, several = (surface, above, below), (surfaces or None, fields)
     if all(part is not None for part in single) and all(part is None for part in several):
-        return (surface,), {_ABOVE: above, _BELOW: below}
+        return (surface,), {ABOVE: above, BELOW: below}
     if all(part is None for part in single) and all(part is not None for part in several):
         listed = sequence_of(surfaces, "surfaces", "of expressions")
         if len(listed) > _MOST:
             raise DefinitionError("surfaces", len(listed), f"at most {_MOST} surfaces")
         given = dict(mapping_of(fields, "fields", "of signs to fields"))
         for word in given:
-            if not isinstance(word, str) or len(word) != len(listed) or set(word) - {_ABOVE, _BELOW}:
+            if not isinstance(word, str) or len(word) != len(listed) or set(word) - {ABOVE, BELOW}:
                 wanted = f"a text of {len(listed)} signs, one for each surface, as {'+-+-'[: len(listed)]!r}"
                 raise DefinitionError("fields", word, wanted)
         if not any(_flipped(word, i) in given for word in given for i in range(len(listed))):
@@ -208,11 +207,7 @@ def _regions(
 
 def _flipped(word: str, i: int) -> str:
     """Return the region on the other side of a surface."""
-    return _with(word, i, _BELOW if word[i] == _ABOVE else _ABOVE)
-
-
-def _with(word: str, i: int, sign: str) -> str:
-    return word[:i] + sign + word[i + 1 :]
+    return with_sign(word, i, BELOW if word[i] == ABOVE else ABOVE)
 
 
 class _Reader:
@@ -260,21 +255,24 @@ class _Parts:
         agreeing = None
         for word in self.known:
             for i in range(len(word)):
-                if word[i] == _ABOVE and _flipped(word, i) in self.known:
+                if word[i] == ABOVE and _flipped(word, i) in self.known:
                     slide = self._slide(word, i)
                     if isinstance(slide, DefinitionError):
                         agreeing = slide
                     else:
-                        self.sliding[_with(word, i, _ON)] = slide
+                        self.sliding[with_sign(word, i, ON)] = slide
         if agreeing is not None and not self.sliding:
             raise agreeing
-        self.fields = {**self.known, **self.sliding}
+        self.stuck = fields_at_intersections(
+            self.heights, self.known, self.sliding, self.reader.x, self.reader.along, self.pull
+        )
+        self.fields = {**self.known, **self.sliding, **self.stuck}
         self._made = [way for way in self._all_ways() if self._varies(way[2]) and not way[4].is_nonpositive]
 
     def rates(self, word: str) -> tuple[sympy.Expr, sympy.Expr]:
         """Return the rates of a sliding mode's surface along the fields above and below it."""
-        i = word.index(_ON)
-        return tuple(self.reader.along(self.heights[i], self.known[_with(word, i, s)]) for s in (_ABOVE, _BELOW))
+        i = word.index(ON)
+        return tuple(self.reader.along(self.heights[i], self.known[with_sign(word, i, s)]) for s in (ABOVE, BELOW))
 
     def _slide(self, word: str, i: int) -> list[sympy.Expr] | DefinitionError:
         """Return the sliding field along surface i; an error, not raised, where both fields agree."""
@@ -282,7 +280,7 @@ class _Parts:
 
         up, down = self.known[word], self.known[_flipped(word, i)]
         h = self.heights[i]
-        rise, fall = self.rates(_with(word, i, _ON))
+        rise, fall = self.rates(with_sign(word, i, ON))
         gradient = [sympy.diff(h, symbol) for symbol in self.reader.x]
         where = f"surface {h}"
         if not h.free_symbols & set(self.reader.x):
@@ -293,11 +291,11 @@ class _Parts:
             return DefinitionError(where, str(h), wanted, hint if sympy.expand(rise) != 0 else "no field crosses it")
         steep = sum(part**2 for part in gradient)
         back = [self.pull * h * part / steep for part in gradient]
-        weight = _short(fall / (fall - rise))
+        weight = short(fall / (fall - rise))
         found = []
         for a, b, off in zip(up, down, back, strict=True):
             slide = b if sympy.expand(a - b) == 0 else b + weight * (a - b)
-            found.append(_short(slide) - off)
+            found.append(short(slide) - off)
         return found
 
     def _meeting(self, word: str, j: int) -> list[tuple[str, str, sympy.Expr, int, sympy.Expr]]:
@@ -310,29 +308,57 @@ class _Parts:
 
         from saltus.system.choices import Min
 
-        i, along = word.index(_ON), self.reader.along
-        side = 1 if word[j] == _ABOVE else -1
+        i, along = word.index(ON), self.reader.along
+        side = 1 if word[j] == ABOVE else -1
         beyond = _flipped(word, j)
         ways: dict[str, list[sympy.Expr]] = {}
         if beyond in self.sliding:
             rise, fall = self.rates(beyond)
             ways[beyond] = [-rise, fall, -side * along(self.heights[j], self.sliding[beyond])]
-        for sign, up in ((_ABOVE, 1), (_BELOW, -1)):
-            region = _with(beyond, i, sign)
+        for sign, up in ((ABOVE, 1), (BELOW, -1)):
+            region = with_sign(beyond, i, sign)
             if region in self.known:
                 field = self.known[region]
                 ways[region] = [up * along(self.heights[i], field), -side * along(self.heights[j], field)]
-            other = _with(_with(word, i, sign), j, _ON)
+            other = with_sign(with_sign(word, i, sign), j, ON)
             if other in self.sliding:
                 rise, fall = self.rates(other)
                 ways[other] = [-rise, fall, up * along(self.heights[i], self.sliding[other])]
         event, way = self.heights[j], -side
+        if (both := with_sign(word, j, ON)) in self.stuck:
+            ways[both] = self._held(both)
         least = {target: Min(*conditions) for target, conditions in ways.items()}
         made = [
             (word, target, event, way, Min(value, *(-least[other] for other in ways if other != target)))
             for target, value in least.items()
         ]
         return [*made, (word, _NO_WAY, event, way, sympy.S.One)]
+
+    def _held(self, word: str) -> list[sympy.Expr]:
+        """Return what is positive where a motion slides along all surfaces of an intersection."""
+        on = (i for i, sign in enumerate(word) if sign == ON)
+        pairs = [rates_at(word, i, self.heights, self.known, self.reader.along) for i in on]
+        return [value for rise, fall in pairs for value in (-rise, fall)]
+
+    def _leaving(self, word: str, i: int) -> Iterator[tuple[str, str, sympy.Expr, int, sympy.Expr]]:
+        """Go through the transitions from an intersection to either side of surface i."""
+        rise, fall = rates_at(word, i, self.heights, self.known, self.reader.along)
+        yield word, with_sign(word, i, ABOVE), rise, 1, fall
+        yield word, with_sign(word, i, BELOW), fall, -1, -rise
+
+    def _stuck_meeting(self, word: str, j: int) -> Iterator[tuple[str, str, sympy.Expr, int, sympy.Expr]]:
+        """Go through the transitions where a motion at an intersection meets surface j: along it too, beyond, none."""
+        import sympy
+
+        from saltus.system.choices import Min
+
+        side, event = 1 if word[j] == ABOVE else -1, self.heights[j]
+        if (more := with_sign(word, j, ON)) in self.stuck:
+            yield word, more, event, -side, Min(*self._held(more))
+        if (beyond := _flipped(word, j)) in self.stuck:
+            off = -side * self.reader.along(event, self.stuck[beyond])
+            yield word, beyond, event, -side, Min(off, *self._held(beyond))
+        yield word, _NO_WAY, event, -side, sympy.S.One
 
     def name(self, word: str) -> str:
         return _NAMES.get(word, word)
@@ -341,8 +367,9 @@ class _Parts:
         """Return the modes, regions first."""
         made = {}
         for word, field in self.fields.items():
-            surface = self.heights[word.index(_ON)] if _ON in word else None
-            domain = self._domain(word) if _ON in word else None
+            on = [h for h, sign in zip(self.heights, word, strict=True) if sign == ON]
+            surface = None if not on else on[0] if len(on) == 1 else sum(abs(h) for h in on)
+            domain = self._domain(word) if ON in word else None
             made[self.name(word)] = Mode(dict(zip(self.reader.states, field, strict=True)), domain, surface)
         for name in {_NO_WAY, _NO_FIELD} & {target for _, target, *_ in self._made}:
             made[name] = Mode(dict.fromkeys(self.reader.states, "0"), NOWHERE)
@@ -358,12 +385,17 @@ class _Parts:
 
         from saltus.system.choices import Min
 
-        rise, fall = self.rates(word)
-        conditions = [sympy.expand(fall - rise)]
-        conditions += [self._not_negative(rate) for rate in (-rise, fall) if not self._varies(rate)]
+        conditions = []
+        for i in (i for i, sign in enumerate(word) if sign == ON):
+            rise, fall = rates_at(word, i, self.heights, self.known, self.reader.along)
+            conditions.append(sympy.expand(fall - rise))
+            conditions += [self._not_negative(rate) for rate in (-rise, fall) if not self._varies(rate)]
         if any(condition.is_nonpositive for condition in conditions):
             return NOWHERE
         unknown = [condition for condition in conditions if not condition.is_positive]
+        varying = [condition for condition in unknown if self._varies(condition)]
+        if len(varying) > 1:  # a domain is smooth: a motion leaves it where the first of them vanishes
+            unknown = [*(part for part in unknown if part not in varying), sympy.Mul(*varying)]
         return Min(*unknown) if unknown else None
 
     def _not_negative(self, rate: sympy.Expr) -> sympy.Expr:
@@ -391,28 +423,22 @@ class _Parts:
 
         for word in self.known:
             for i, sign in enumerate(word):
-                h, way = self.heights[i], -1 if sign == _ABOVE else 1
+                h, way = self.heights[i], -1 if sign == ABOVE else 1
                 if (other := _flipped(word, i)) not in self.known:
                     yield word, _NO_FIELD, h, way, sympy.S.One
                     continue
                 beyond = -way * self.reader.along(h, self.known[other])
-                if (slides := _with(word, i, _ON)) in self.sliding:
+                if (slides := with_sign(word, i, ON)) in self.sliding:
                     yield word, slides, h, way, self._not_negative(beyond)
                 yield word, other, h, way, -beyond
         for word in self.sliding:
-            i = word.index(_ON)
+            i = word.index(ON)
             rise, fall = self.rates(word)
-            yield word, _with(word, i, _ABOVE), rise, 1, fall
-            yield word, _with(word, i, _BELOW), fall, -1, -rise
+            yield word, with_sign(word, i, ABOVE), rise, 1, fall
+            yield word, with_sign(word, i, BELOW), fall, -1, -rise
             for j in range(len(word)):
                 if j != i:
                     yield from self._meeting(word, j)
-
-
-def _short(expression: sympy.Expr) -> sympy.Expr:
-    """Return a quotient in lowest terms where it is short: those of long polynomials take minutes, and are long."""
-    import sympy
-
-    if sympy.count_ops(expression) > _LONG:
-        return expression
-    return min(sympy.cancel(sympy.together(expression)), expression, key=sympy.count_ops)
+        for word in self.stuck:
+            for i, sign in enumerate(word):
+                yield from self._leaving(word, i) if sign == ON else self._stuck_meeting(word, i)

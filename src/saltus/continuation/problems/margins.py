@@ -12,11 +12,14 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import DIRECTION, DURATION, EARLY, EVENT_END, MEAN_END, WHEN, WHOLE, Signature, Survey
 from saltus.orbits.stability.critical import TOUCHING, Grazing
+from saltus.system.expressions import NAME
+from saltus.system.parts import at_phases
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.core.zero_problem import Point
+    from saltus.system.hybrid import HybridSystem
 
 __all__ = ["grazing_monitors", "on_border", "passing", "run_out", "side_of", "still_ahead", "timed", "without_shadows"]
 
@@ -56,11 +59,22 @@ def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], 
     return found
 
 
-def timed(signature: Signature) -> dict[Monitor, int]:
-    """Return the monitor functions of segments whose duration may vanish, each with the index of its segment."""
+def timed(system: HybridSystem, signature: Signature) -> dict[Monitor, int]:
+    """Return the monitor functions of segments whose duration may vanish, each with the index of its segment.
+
+    Between two events at fixed phases no time can vanish: it is a share of the period, or nothing all along.
+    """
     if len(signature.heads) < 2:
         return {}
-    return {Monitor("duration", i): i for i, kind in enumerate(signature.kinds) if kind in (EVENT_END, MEAN_END)}
+    fixed = [k >= 0 and _at_fixed_phases(system, k) for k in signature.transitions]
+    ends = [i for i, kind in enumerate(signature.kinds) if kind in (EVENT_END, MEAN_END)]
+    return {Monitor("duration", i): i for i in ends if not (fixed[i] and fixed[i - 1])}
+
+
+def _at_fixed_phases(system: HybridSystem, k: int) -> bool:
+    """Return whether an event function knows the phase alone, and no parameter."""
+    transition = system.transitions[k]
+    return at_phases(system, transition) and not set(system.parameters) & set(NAME.findall(transition.event))
 
 
 def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> float:

@@ -117,7 +117,7 @@ class OrbitZeroProblem:
         self._crossed: int | None = None  # equal multipliers that cross the unit circle at once in the last step
         self._adjust(u)
         kinds = problem.signature.kinds
-        self._durations = timed(problem.signature)
+        self._durations = timed(problem.system, problem.signature)
         self._simple: dict[Monitor, Callable[[Point], float]] = {
             _LOW: lambda point: beyond(point.parameter - interest.low),
             _HIGH: lambda point: beyond(point.parameter - interest.high),

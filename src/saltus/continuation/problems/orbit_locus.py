@@ -107,7 +107,7 @@ class LocusZeroProblem:
         self._type = "GR" if kind in CHANGES else kind if kind in POINT_TYPES else "value"
         self.others = multipliers_beside(self._type)
         self._surveyed = grazing_monitors(problem)
-        self._durations = timed(problem.signature)
+        self._durations = timed(problem.system, problem.signature)
         if isinstance(condition, Grazing):
             # what vanishes at the start vanishes all along: a symmetric orbit changes in both halves at once
             u = self.orbit(z)

@@ -115,8 +115,8 @@ def _side_behind(system, state, along, s, h):
 def clear_zeros(system, state, along, h, first, is_known, found, count, before, jumps):
     """Leave the zeros of a step at which the function changes its sign above its rounding.
 
-    Returns their count, the side before the first of them, the bits of jumps among them, and the fraction of the first
-    that is left out (`NEVER`: none). first: the zeros before this one stay. is_known: whether the function is on its
+    Returns their count, the side before the first of them, and the bits of jumps among them. The last number is the
+    fraction of the first zero that is left out (`NEVER`: none). first: the zeros before this one stay. is_known: whether the function is on its
     side before them for sure.
     """
     outlined()
