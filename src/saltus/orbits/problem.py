@@ -278,6 +278,15 @@ class OrbitProblem(Discretised):
         self.equations.starting_flow(*given, slope)
         return slope
 
+    def flows_at_starts(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vector field where each segment starts, shape (segments, n)."""
+        self.set_parameters(u)
+        starts = u[: self.size].reshape(self.segments, self.n + 1)[:, : self.n]
+        slopes = np.empty((self.segments, self.n))
+        for mode, x, slope in zip(self.modes.tolist(), starts, slopes, strict=True):
+            self.system.compiled.call("field", mode, 0, np.ascontiguousarray(x), self.extended, slope)
+        return slopes
+
     def _find_least(self, blocks: NDArray[np.float64]) -> None:
         """Find the sizes below which states are not resolved, and which states move which.
 

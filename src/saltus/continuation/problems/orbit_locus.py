@@ -245,12 +245,12 @@ class LocusZeroProblem:
         """Take the point's meshes and sizes; renew the phase plane of a cycle that has turned away from it."""
         if self._retries.leave(point):
             self._adjust(self.orbit(point.u))
-        if depart(self, self.problem, self.orbit(point.u), point):
+        if depart(self, self.problem, self.orbit(point.u), point, getattr(self.condition, "turn", None)):
             self.condition.adjust()
-            monitors = dict(point.examined.monitors)
-            turning = {name: self._measure(name, point) for name in _TURNS if monitors.get(name) is not None}
-            monitors |= {name: value for name, value in turning.items() if not math.isnan(monitors[name])}
-            point.examined = replace(point.examined, monitors=monitors)
+            monitors = point.examined.monitors
+            turns = (name for name in _TURNS if not math.isnan(monitors.get(name, math.nan)))
+            measured = {name: self._measure(name, point) for name in turns}
+            point.examined = replace(point.examined, monitors={**monitors, **measured})
 
     def recover(self, point: Point) -> bool:
         """Shorten the steps of a stiff flow near a point for stability; return whether they were shortened."""

@@ -47,8 +47,9 @@ _TYPES = {
 }
 # types of points at which a further value is as critical as the one of the locus, and the points at which both are one
 _DOUBLE = {"SNSN": ("R1", "BT"), "PDPD": ("R2",)}
-# coefficients that have a pole at another point, and that point: they are followed times a function that vanishes there
-_FACTORS = {"GPD": "FF", "CH": "FNS"}
+# Points whose function has a factor that vanishes at another point, and that point. Coefficients have a pole there, and
+# are followed times a function that vanishes. At a cusp all parameters' components of the tangent vanish.
+_FACTORS = {"GPD": "FF", "CH": "FNS", "TP": "CP"}
 KIND = "other"  # kind of the monitor functions, one for each place in the order of growth
 _TOUCHED = 10.0  # growth over its rounding, to within which no step leads, unless it is short
 _SAME = 100.0  # growth over its rounding, up to which a value is critical at a located point as well
@@ -259,7 +260,7 @@ class OtherValues:
 
     @staticmethod
     def _by_its_factor(event: Event, events: list[Event]) -> bool:
-        """Return whether a coefficient vanishes since its factor does, where the coefficient itself has no pole."""
+        """Return whether a function vanishes since its factor does, as a coefficient that has no pole there."""
         factor = _FACTORS.get(event.name.kind)
         return any(e.name.kind == factor and abs(e.point.arc - event.point.arc) < SAME for e in events)
 

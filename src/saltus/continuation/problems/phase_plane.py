@@ -6,6 +6,7 @@ docs/theory/continuation.md, "Pseudo-arclength", derives it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from saltus.continuation.core.zero_problem import correct
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from saltus.continuation.core.zero_problem import Point, ZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["astray", "depart", "solve_again"]
+__all__ = ["astray", "depart", "solve_again", "transferred"]
 
 _ASTRAY = 0.3  # least cosine of the angle between flow and plane's normal at the end of a step
 _RENEWED = 0.8  # the same cosine, up to which the plane is renewed before the next step
@@ -33,26 +34,61 @@ def astray(problem: OrbitProblem, u: NDArray[np.float64]) -> str | None:
     return None if facing > _ASTRAY else "phase: the flow at the orbit's start turns too far within the step"
 
 
-def depart(zero: ZeroProblem, problem: OrbitProblem, u: NDArray[np.float64], point: Point) -> bool:
+def depart(
+    zero: ZeroProblem,
+    problem: OrbitProblem,
+    u: NDArray[np.float64],
+    point: Point,
+    turn: Callable[[NDArray[np.float64]], None] | None = None,
+) -> bool:
     """Give `problem` the phase plane of a point with orbit `u`; return whether the plane was renewed.
 
-    With the plane, Jacobian, tangent and determinant of the point are renewed.
+    With the plane, Jacobian, tangent and determinant of the point are renewed. Before the plane becomes another one,
+    `turn` is called with `u`.
     """
     if not problem.slides:
         return False
     if point.frame is not None:
+        if turn is not None and point.frame is not problem.phase_plane:
+            turn(u)
         problem.phase_plane = point.frame
         if problem.facing(u) > _RENEWED:
             return False
     from saltus.system.numba_tools.linear import bordered
 
+    if turn is not None:
+        turn(u)
     problem.fix_phase(u, problem.survey(u))
     point.frame = problem.phase_plane
     F, point.J = zero.evaluate(point.u)
-    row = point.weights * point.tangent
+    row = point.weights * transferred(problem, u, point.tangent)
     steps, point.sign, point.log, _, _ = bordered(point.J, F, row, point.u, point.u, zero.scale())
     point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
     return True
+
+
+def transferred(problem: OrbitProblem, u: NDArray[np.float64], tangent: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a tangent of cycles, known in another phase plane, as it is in that of `problem`.
+
+    It is known up to a shift of all starts along the flow, which changes neither durations nor parameters. In the plane
+    it is therefore the same tangent, and the sense of a branch does not depend on where cycles start.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations, with the plane.
+    u : ndarray, shape (size + active,)
+        The cycle.
+    tangent : ndarray, shape (size,) or longer
+        The tangent; further unknowns stay as they are.
+    """
+    if not problem.slides:
+        return tangent
+    n, moved = problem.n, tangent.copy()
+    starts = moved[: problem.size].reshape(problem.segments, n + 1)[:, :n]
+    flows, normal = problem.flows_at_starts(u), problem.phase_plane[n:]
+    starts -= float(normal @ starts[0]) / float(normal @ flows[0]) * flows
+    return moved
 
 
 def solve_again(zero: ZeroProblem, problem: OrbitProblem, point: Point, u: NDArray[np.float64]) -> str | None:

@@ -35,11 +35,12 @@ from saltus.continuation.runs import beyond
 from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
+from saltus.continuation.runs.pieces import in_more_pieces
 from saltus.continuation.runs.run import Going
 from saltus.continuation.runs.to_homoclinic import end_unbounded
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide
 from saltus.errors import InputError
-from saltus.orbits.cuts import cut, started_elsewhere, stretched
+from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import ON_BORDER, Signature
@@ -139,25 +140,13 @@ class OrbitRun(OneParameterRun):
 
         Where more pieces are needed than are allowed, this is told.
         """
-        if not stretched(branch.problem, item.J):
+        found = in_more_pieces(branch, item, self.zero_problem, most=self.control.pieces)
+        if found is None:
             return None
-        elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff else None
-        problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
-        if len(problem.signature) > (most := self.control.pieces):
-            return f"{self.place(item)}: an orbit so unstable that it needs more than {most} pieces"
-        finer = self.zero_problem(problem, u)
-        try:
-            point = start_point(finer, u)
-        except ValueError:
-            return None
-        # the first piece starts at the old place, or lasts as long: its tangent gives the direction of the branch
-        own = np.append(np.arange(branch.n), -1) if elsewhere is None else np.array([branch.n, -1])
-        along = float((item.weights[own] * item.tangent[own]) @ point.tangent[own])
-        point = replace(point, tangent=math.copysign(1.0, along) * point.tangent, arc=item.arc)
-        point.sign = math.copysign(1.0, along) * point.sign
-        point.examined = finer.examine(point, None)
+        if isinstance(found, str):
+            return f"{self.place(item)}: {found}"
         step = item.arc - half.points[-2][1].arc if len(half.points) > 1 else self.control.initial
-        return finer, point, step
+        return *found, step
 
     def again(self, piece: OrbitZeroProblem, point: Point) -> Callable[[], tuple[OrbitZeroProblem, Point]]:
         """See `Run.again`."""
@@ -239,14 +228,18 @@ class OrbitRun(OneParameterRun):
         return fresh, later, self._first_step
 
     def closes(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> bool:
-        """See `Run.closes`."""
+        """See `Run.closes`; special points of the last step beyond the start are those of the first one."""
         begun, origin = half.start
-        if piece.problem.signature != begun.problem.signature or (piece is begun and last.arc == 0.0):
+        if piece.problem.signature.whole != begun.problem.signature.whole or (piece is begun and last.arc == 0.0):
             return False
-        met = passes(piece, piece.problem, origin, last, point, self.control, piece.active_at)
-        if met:
-            half.points.append(half.start)
-        return met
+        start = begun.problem, origin
+        met = passes(piece, piece.problem, start, last, point, self.control, begun.active_at)
+        if met is None:
+            return False
+        arc = last.arc + math.sqrt(float(last.weights @ (met.u - last.u) ** 2))
+        half.specials = [found for found in half.specials if found.after < len(half.points) or found.arc < arc]
+        half.points.append(half.start)
+        return True
 
     def keep(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> str | None:
         """See `Run.keep`: a branch ends at the equilibrium to which its orbits shrink."""

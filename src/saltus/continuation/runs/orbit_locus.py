@@ -127,12 +127,15 @@ class OrbitLocusRun(TwoParameterRun):
 
     def closes(self, half: OneSide, piece: LocusZeroProblem, last: Point, point: Point) -> bool:
         """See `Run.closes`; special points of the last step beyond the start are dropped."""
-        met = last.arc > 0.0 and passes(piece, piece.problem, half.start[1], last, point, self.control)
-        if not met:
+        if last.arc == 0.0:
+            return False
+        met = passes(piece, piece.problem, (piece.problem, half.start[1]), last, point, self.control)
+        if met is None:
             return False
         half.specials = [found for found in half.specials if found.after < len(half.points)]
-        begun = half.first
-        again = replace(begun, u=alongside(piece.problem, begun.u, last.u), tangent=begun.tangent.copy())
+        begun, again = half.first, met
+        if not piece.problem.slides:
+            again = replace(begun, u=alongside(piece.problem, begun.u, last.u), tangent=begun.tangent.copy())
         again.arc = last.arc + math.sqrt(float(last.weights @ (again.u - last.u) ** 2))
         again.J = piece.evaluate(again.u)[1]
         again.examined = piece.examine(again, last)

@@ -142,11 +142,17 @@ class TwoParameterRun(Run):
         return self.branch, turned(point, float(point.tangent[towards - 2]), self.odd)
 
     def joined(self) -> BothSides:
-        """See `Run.joined`; the start is among the special points, unless it was found again."""
+        """See `Run.joined`; the start is among the special points, unless it was found again.
+
+        The parameters turn at a cusp: where it is the start, their turns there are no further points.
+        """
         joined = super().joined()
         own = self.at_start(joined.rows[joined.offset][1])
         if own is not None and all(found.name != own.name or abs(arc) > SAME for found, _, arc in joined.specials):
-            joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
+            others = [
+                item for item in joined.specials if own.name != "CP" or item[0].name != "TP" or abs(item[2]) > SAME
+            ]
+            joined.specials = sorted([*others, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
         return joined
 
     def event(self, half: OneSide, piece: Any, event: Event) -> str | None:

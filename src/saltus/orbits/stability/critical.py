@@ -133,6 +133,20 @@ class Critical:
         """Take the borders from the null vectors last computed."""
         self._b, self._c = self._w, self._v
 
+    def turn(self, u: NDArray[np.float64]) -> None:
+        """Free the right border from shifts along the flow at `u`, before a cycle gets another phase plane.
+
+        There the null vector is another by such a shift, and its product with the border stays positive: `twist` keeps
+        its sign. The left null vector is orthogonal to shifts and stays.
+        """
+        problem, n = self.problem, self.problem.n
+        durations = u[n : problem.size : n + 1]
+        lasting = (self.mu - 1.0) * durations / durations.sum()
+        sizes = 1.0 + np.append(0.0, np.cumsum(lasting)[:-1])
+        shift = np.column_stack([sizes[:, None] * problem.flows_at_starts(u), lasting]).ravel() / self.columns
+        across = self._c - float(shift @ self._c) / float(shift @ shift) * shift
+        self._c = across / np.linalg.norm(across)
+
     def distance(self, J: NDArray[np.float64]) -> float:
         """Return how far A - mu B is from being singular: its least singular value over the next one."""
         values = np.linalg.svd(self._matrix(J), compute_uv=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,47 +43,64 @@ def alongside(problem: OrbitProblem, u: NDArray[np.float64], other: NDArray[np.f
 def passes(
     branch: ZeroProblem,
     problem: OrbitProblem,
-    origin: Point,
+    start: tuple[OrbitProblem, Point],
     last: Point,
     new: Point,
     control: StepControl,
     active: slice | None = None,
-) -> bool:
-    """Return whether the step from `last` to `new` passes the orbit of `origin`, from any of its starting points.
+) -> Point | None:
+    """Return the orbit of the start if the step from `last` to `new` passes it, started where the step's orbits are.
 
-    All three points have one signature. `problem` holds the equations of the orbits of `branch`. Its active parameters
-    are the last unknowns, unless `active` says where they are.
+    Parameters
+    ----------
+    branch : ZeroProblem
+        The equations of the curve.
+    problem : OrbitProblem
+        Those of its orbits.
+    start : (OrbitProblem, Point)
+        The equations with which the curve started, and its first point. Signatures differ at most in cuts.
+    last, new : Point
+        The step's ends.
+    control : StepControl
+        Sizes of steps.
+    active : slice, optional
+        Where the active parameters are among the unknowns of the start; by default they are the last ones.
     """
+    begun, origin = start
     active = slice(-len(problem.active), None) if active is None else active
     if new.arc < 3.0 * control.initial:
-        return False
+        return None
     reach = 20.0 * control.deviation
     if abs(origin.parameter - last.parameter) > abs(new.parameter - last.parameter) + reach:
-        return False
-    periods = [float(point.u[problem.n : problem.size : problem.n + 1].sum()) for point in (origin, last, new)]
+        return None
+    periods = [
+        float(point.u[own.n : own.size : own.n + 1].sum())
+        for own, point in ((begun, origin), (problem, last), (problem, new))
+    ]
     if abs(periods[0] - periods[1]) > abs(periods[2] - periods[1]) + reach * periods[0]:
-        return False
-    return any(_meets(branch, problem, same, last, new, control) for same in _phases(problem, origin, active))
+        return None
+    for same in _phases(problem, start, last, active):
+        if (met := _meets(branch, problem, same, last, new, control)) is not None:
+            return met
+    return None
 
 
-def _phases(problem: OrbitProblem, origin: Point, active: slice) -> Iterator[Point]:
-    """Yield a point of a curve with each possible start of its orbit; only the first has a tangent."""
+def _phases(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Point, active: slice) -> Iterator[Point]:
+    """Yield a point of a curve with each start of its orbit that `last` may have; only the first has a tangent."""
+    begun, origin = start
     signature, n, size = problem.signature, problem.n, problem.size
     if problem.slides:
-        found = _on_plane(problem, origin.u, active)
-        if found is not None:
-            yield replace(origin, u=found, tangent=np.zeros(0))
+        yield from _on_plane(problem, start, last, active)
         return
-    yield origin
-    blocks = origin.u[:size].reshape(problem.segments, n + 1)
+    alike = begun.signature == signature
+    if alike:
+        yield origin
     if signature.kinds[0] == PHASE_END:
-        problem.survey(np.append(origin.u[:size], origin.u[active]))
-        for j in range(1, signature.turns):
-            moved = origin.u.copy()
-            moved[:n] = problem.state_on(0, clustered(j / signature.turns))
-            moved[n - 1] = blocks[0, n - 1]
-            yield replace(origin, u=moved, tangent=np.zeros(0))
+        forced = _round(problem, start, last, active)
+        for j in range(int(alike), signature.turns):
+            yield forced.begun_at(j / signature.turns)
         return
+    blocks = origin.u[:size].reshape(problem.segments, n + 1)
     parts = (signature.modes, signature.transitions, signature.kinds)
     for j in range(1, problem.segments):
         if all(part[j:] + part[:j] == part for part in parts):
@@ -95,41 +112,81 @@ def _phases(problem: OrbitProblem, origin: Point, active: slice) -> Iterator[Poi
             yield replace(origin, u=moved, tangent=np.zeros(0))
 
 
-def _on_plane(problem: OrbitProblem, u: NDArray[np.float64], active: slice) -> NDArray[np.float64] | None:
-    """Return the orbit `u` started on the plane of the phase condition; None where it does not cross the plane.
+@dataclass(frozen=True, eq=False)
+class _Round:
+    """A smooth orbit that was just surveyed, to be started anywhere on itself, in as many pieces as another one."""
 
-    Of several crossings the one nearest to the plane's point is taken.
+    problem: OrbitProblem  # its equations
+    origin: Point  # its point
+    like: NDArray[np.float64]  # pieces of the other one, shape (pieces, n + 1)
+
+    def at(self, share: float) -> NDArray[np.float64]:
+        """Return the full state at a share of the period; whole turns of a phase are those of as many periods."""
+        problem, (rounds, share) = self.problem, divmod(share, 1.0)
+        ends = np.cumsum(self.origin.u[problem.n : problem.size : problem.n + 1])
+        piece = min(int(np.searchsorted(ends / ends[-1], share, side="right")), problem.segments - 1)
+        begin = ends[piece - 1] if piece else 0.0
+        within = (share * ends[-1] - begin) / (ends[piece] - begin)
+        x = problem.state_on(piece, clustered(min(max(float(within), 0.0), 1.0)))
+        if problem.system.phase is not None:
+            x[-1] += 2.0 * math.pi * problem.signature.turns * rounds
+        return x
+
+    def begun_at(self, share: float) -> Point:
+        """Return the orbit, started at a share of its period; a phase starts where it did."""
+        problem, n, rows = self.problem, self.problem.n, self.like.copy()
+        shares = np.cumsum(rows[:, n]) / rows[:, n].sum()
+        rows[:, :n] = [self.at(share + begin) for begin in (0.0, *shares[:-1].tolist())]
+        if problem.system.phase is not None:
+            rows[:, n - 1] += self.origin.u[n - 1] - rows[0, n - 1]
+        period = float(self.origin.u[n : problem.size : n + 1].sum())
+        rows[:, n] *= period / rows[:, n].sum()
+        u = np.concatenate([rows.ravel(), self.origin.u[problem.size :]])
+        return replace(self.origin, u=u, tangent=np.zeros(0))
+
+
+def _round(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Point, active: slice) -> _Round:
+    """Return the orbit at the start of a curve, surveyed, to be had in pieces as those of `last`."""
+    begun, origin = start
+    begun.survey(np.append(origin.u[: begun.size], origin.u[active]))
+    return _Round(begun, origin, last.u[: problem.size].reshape(problem.segments, problem.n + 1))
+
+
+def _on_plane(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Point, active: slice) -> Iterator[Point]:
+    """Yield the orbit at the start of a curve, begun on the plane of the phase condition, where it crosses that.
+
+    Of several crossings that nearest to the start of `last` is taken. Angles are those next to its own: along a branch
+    the start moves in the plane, and may do so by turns.
     """
-    n, size = problem.n, problem.size
+    n, circles, near = problem.n, problem.system.angle_places, last.u[: problem.n]
     point, normal = problem.phase_plane[:n], problem.phase_plane[n:]
-    problem.survey(np.append(u[:size], u[active]))
-    places = np.linspace(0.0, 1.0, _SAMPLES + 1)
-    circles = problem.system.angle_places
-    heights = np.array([wrapped(problem.state_on(0, place) - point, circles) @ normal for place in places])
-    heights[-1] = heights[0]  # the same point, but for rounding
-    best: tuple[float, NDArray[np.float64]] | None = None
-    for i in np.flatnonzero((heights[:-1] < 0.0) & (heights[1:] >= 0.0)):
-        low, high = places[i], places[i + 1]
+    whole = _round(problem, start, last, active)
+
+    def away(share: float) -> NDArray[np.float64]:
+        return wrapped(whole.at(share) - near, circles)
+
+    def height(share: float) -> float:
+        return float((away(share) + near - point) @ normal)
+
+    shares = np.linspace(0.0, 1.0, _SAMPLES, endpoint=False)
+    heights = np.array([height(share) for share in shares])
+    best: tuple[float, float] | None = None
+    for i in np.flatnonzero((heights < 0.0) & (np.roll(heights, -1) >= 0.0)):
+        low, high = float(shares[i]), float(shares[i]) + 1.0 / _SAMPLES
         for _ in range(50):
             middle = 0.5 * (low + high)
-            height = wrapped(problem.state_on(0, middle) - point, circles) @ normal
-            low, high = (middle, high) if height < 0.0 else (low, middle)
-        x = problem.state_on(0, high)
-        x[circles] += (wrapped(x - point, circles) - (x - point))[circles]
-        away = float(np.linalg.norm((x - point) / problem.state_scale))
-        if best is None or away < best[0]:
-            best = away, x
-    if best is None:
-        return None
-    moved = u.copy()
-    moved[:n] = best[1]
-    return moved
+            low, high = (middle, high) if height(middle) < 0.0 else (low, middle)
+        distance = float(np.linalg.norm(away(high) / problem.state_scale))
+        if best is None or distance < best[0]:
+            best = distance, high
+    if best is not None:
+        yield whole.begun_at(best[1])
 
 
 def _meets(
     branch: ZeroProblem, problem: OrbitProblem, origin: Point, last: Point, new: Point, control: StepControl
-) -> bool:
-    """Return whether the step from `last` to `new` passes the point `origin`, its orbit's start unchanged."""
+) -> Point | None:
+    """Return the point `origin`, corrected, if the step from `last` to `new` passes it, its orbit's start unchanged."""
     reach = 20.0 * control.deviation
     w = last.weights
     goal = alongside(problem, origin.u, last.u)
@@ -137,15 +194,15 @@ def _meets(
     length = float(w @ chord**2)
     share = float(w @ (away * chord)) / length
     if not 0.0 < share <= 1.0:
-        return False
+        return None
     if not math.sqrt(float(w @ (away - share * chord) ** 2)) < reach:
-        return False
+        return None
     tangent = origin.tangent if origin.tangent.size else chord / math.sqrt(length)
     along = float(w @ (tangent * chord))
     if not abs(along) > 0.9 * math.sqrt(length * float(w @ tangent**2)):
-        return False
+        return None
     weights = origin.weights if origin.tangent.size else w
     guess = last.u + share * chord
     guess -= tangent * (float((weights * tangent) @ (guess - goal)) / float(weights @ tangent**2))
     there = correct(branch, guess, tangent, weights, control.iterations)
-    return isinstance(there, Point) and float(w @ (there.u - goal) ** 2) < SAME**2
+    return there if isinstance(there, Point) and float(w @ (there.u - goal) ** 2) < SAME**2 else None
