@@ -65,7 +65,7 @@ class PeriodicOrbit(Solution):
     lows, highs : ndarray, shape (all states + outputs,)
         Extremes over the period.
     tolerance : float
-        Relative tolerance of the flow.
+        Relative tolerance of the flow; 1e-12 where a looser one could not tell what the orbit is.
     fixed : Fixed or None
         The quantity that was fixed when the orbit was solved, and the parameter that was freed.
     implicit : bool
