@@ -2,16 +2,8 @@
 
 This module is the only place with numbers that judge whether two quantities are the same, whether a motion rests,
 whether a value is 0. A judgement holds a difference against the *error* of what was compared, in the units of the
-comparison. It follows from the tolerance asked for, the sizes of the states on the solution,
-the residual reached, and rounding. Whoever gets `Verdict.UNCLEAR` computes more exactly and asks again.
-
-comparison. The error follows from the tolerance that was asked for and the sizes of the states on the solution.
-The residual that was reached and rounding enlarge it. Whoever gets `Verdict.UNCLEAR` computes more
-exactly and asks again.
-
-comparison. The error follows from the tolerance that was asked for, and the size of the states on the solution at hand.
-The residual that was reached, and rounding, enlarge it. Whoever gets `Verdict.UNCLEAR` computes more exactly and asks
-again.
+comparison. It follows from the tolerance asked for, the sizes of the states on the solution, the residual reached, and
+rounding. Whoever gets `Verdict.UNCLEAR` computes more exactly and asks again.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from saltus.scales import EPS, Verdict, value_error, zero
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.flow.observables import Motion
+    from saltus.flow.stretch import Motion
     from saltus.orbits.problem import OrbitProblem
 
 __all__ = ["liouville"]
