@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from saltus.errors import InputError
-from saltus.flow.closed_curves import rotation_number
-from saltus.flow.criteria import Criteria
 from saltus.flow.motion_kind import classify
+from saltus.flow.recurring.closed_curves import rotation_number
+from saltus.flow.recurring.criteria import Criteria
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 KEPT = 100

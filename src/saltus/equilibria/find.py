@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.system.states import StateLike
+    from saltus.checks.states import StateLike
 
 
 __all__ = ["find_equilibrium", "solve_equilibrium"]

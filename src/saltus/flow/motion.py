@@ -21,8 +21,8 @@ from saltus.system.parts import NOWHERE, at_phases
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.checks.states import StateLike
     from saltus.system.hybrid import HybridSystem
-    from saltus.system.states import StateLike
 
 __all__ = ["EventDrivenMotion", "check_tolerances", "how_long", "start_state", "tolerances_of"]
 

@@ -17,12 +17,14 @@ In this order, thresholds being those of `Criteria`:
 5. ``chaotic``: the leading exponent is above 0 by more than its error, and perturbations grow by more than the count of
    returns. Such a motion may recur within `recurrence`, in narrow bands, but not within rounding.
 6. ``quasi-periodic``: the leading exponent is 0 within its error, and no count of returns recurs. The points are
-   smooth, by means that converge fast (`saltus.flow.smoothness`), or they lie on closed curves and do not drift.
+   smooth, by means that converge fast (`saltus.flow.recurring.smoothness`), or they lie on closed curves and do not
+   drift.
 7. ``strange nonchaotic``: the exponent is 0 within its error, and the points go round a circle over which they are
    nowhere smooth.
 8. ``unresolved``: none of these can be told. More returns may tell.
 
-`saltus.flow.recurrence` counts returns, and `saltus.flow.closed_curves` finds curves and rotation numbers.
+`saltus.flow.recurring.recurrence` counts returns. `saltus.flow.recurring.closed_curves` finds curves and rotation
+numbers.
 """
 
 from __future__ import annotations
@@ -32,10 +34,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.flow.closed_curves import cut_circle, locked_turns, rotation_number
-from saltus.flow.criteria import Criteria
-from saltus.flow.recurrence import Recurrence
-from saltus.flow.smoothness import course_of, is_rough
+from saltus.flow.recurring.closed_curves import cut_circle, locked_turns, rotation_number
+from saltus.flow.recurring.criteria import Criteria
+from saltus.flow.recurring.recurrence import Recurrence
+from saltus.flow.recurring.smoothness import course_of, is_rough
 from saltus.scales import EPS, Verdict, zero
 
 if TYPE_CHECKING:

@@ -57,7 +57,7 @@ from saltus.work import interrupt_noted
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from saltus.system.states import StateLike
+    from saltus.checks.states import StateLike
 
 
 __all__ = ["SimulationOptions", "simulate"]

@@ -270,8 +270,7 @@ class Trajectory(Result):
         InputError
             A name is no observable, a time is out of range, or the stretch is shorter than a harmonic's period.
         """
-        motion = self.motion(t_start, t_end)
-        return estimate(motion, names) if errors else observe(motion, names)
+        return (estimate if errors else observe)(self.motion(t_start, t_end), names)
 
     def spectrum(
         self,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from saltus.system.states import StateLike
+    from saltus.checks.states import StateLike
 
 __all__ = ["Iterates", "iterate", "path_from", "wound_path"]
 

@@ -19,8 +19,8 @@ from saltus.system.angles import wrapped
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.checks.states import StateLike
     from saltus.system.maps import Map
-    from saltus.system.states import StateLike
 
 __all__ = ["find_map_orbit", "sizes_of", "solve_map_orbit"]
 

@@ -32,8 +32,8 @@ from saltus.system.maps import Map, flowing
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.checks.states import StateLike
     from saltus.flow.event_logs import EventLog
-    from saltus.system.states import StateLike
 
 __all__ = ["find_orbit"]
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
+from saltus.checks.states import leaves_out_phase
 from saltus.errors import InputError, nearest
 from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
-from saltus.system.states import leaves_out_phase
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

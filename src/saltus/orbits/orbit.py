@@ -102,11 +102,9 @@ class PeriodicOrbit(Solution):
         object.__setattr__(self, "multipliers", frozen(self.multipliers, np.complex128))
         object.__setattr__(self, "parameters", checks.named_values("parameter", self.parameters))
         self.form.check(self.system)
-        # compiled functions do not check shapes
-        segments, full = len(self.form), len(self.system.all_states)
-        quantities = (full + len(self.system.outputs),)
+        segments, full = len(self.form), len(self.system.all_states)  # compiled functions do not check shapes
         wanted = {"states": (segments, full), "durations": (segments,), "x0": (len(self.system.states),)}
-        wanted |= {"lows": quantities, "highs": quantities}
+        wanted |= dict.fromkeys(("lows", "highs"), (full + len(self.system.outputs),))
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
                 raise InputError(f"{name} of an orbit", getattr(self, name).shape, f"of shape {shape}")
@@ -275,13 +273,13 @@ class PeriodicOrbit(Solution):
         """Return what a table says of the orbit: x0, extremes, period, stability, signature, whether admissible."""
         row: dict[str, Any] = {f"x0_{name}": v for name, v in zip(self.system.states, self.x0, strict=True)}
         row |= {f"{end}_{q}": v for end, each in (("min", self.min), ("max", self.max)) for q, v in each.items()}
-        row |= {"period": self.period, "stable": self.stable, "signature": self.signature}
-        return row | {"admissible": self.admissible}
+        return row | {name: getattr(self, name) for name in ("period", "stable", "signature", "admissible")}
 
     def motion(self) -> Motion:
         """Return the orbit over one period as a `Motion`, from which observables are computed."""
-        known = {q: (low, self.max[q]) for q, low in self.min.items()}
-        return replace(motion_of(self.problem(), self.unknowns), extremes=known)
+        return replace(
+            motion_of(self.problem(), self.unknowns), extremes={q: (a, self.max[q]) for q, a in self.min.items()}
+        )
 
     @overload
     def observe(self, *names: str, errors: Literal[False] = False) -> dict[str, float]: ...
@@ -317,7 +315,7 @@ class PeriodicOrbit(Solution):
         >>> {q: round(a, 9) for q, a in find_orbit(driven, {}, [0.0]).observe("amplitude(x, 1)").items()}
         {'amplitude(x, 1)': 0.707106781}
         """
-        return estimate(self.motion(), names) if errors else observe(self.motion(), names)
+        return (estimate if errors else observe)(self.motion(), names)
 
     def sensitivity(self, names: Sequence[str], parameters: Sequence[str] | None = None) -> xr.Dataset:
         """Return exact derivatives of observables by parameters; docs/theory/sensitivities.md derives them.
@@ -381,9 +379,8 @@ class PeriodicOrbit(Solution):
         dataset.attrs |= {
             "definition": json.dumps(self.system.definition()), "parameters": json.dumps(dict(self.parameters)),
             "form": json.dumps([self.form.modes, self.form.transitions, self.form.kinds, self.form.turns]),
-            **{name: getattr(self, name) for name in ("period", "residual", "faults")},
-            **{name: int(getattr(self, name)) for name in ("stable", "admissible")},
-            "tolerance": self.tolerance, "implicit": int(self.implicit),
+            **{name: getattr(self, name) for name in ("period", "residual", "faults", "tolerance")},
+            **{name: int(getattr(self, name)) for name in ("stable", "admissible", "implicit")},
         }  # fmt: skip
         dataset.attrs |= {} if self.fixed is None else {"fixed": json.dumps(self.fixed.as_list())}
         return dataset
@@ -436,13 +433,9 @@ class PeriodicOrbit(Solution):
 
 
 def orbit_at(
-    problem: OrbitProblem,
-    u: NDArray[np.float64],
-    J: NDArray[np.float64],
-    survey: Survey | None = None,
-    values: NDArray[np.complex128] | None = None,
-    fixed: Fixed | None = None,
-) -> PeriodicOrbit:
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], survey: Survey | None = None,
+    values: NDArray[np.complex128] | None = None, fixed: Fixed | None = None,
+) -> PeriodicOrbit:  # fmt: skip
     """Return the orbit that solves `problem` at `u`; survey and multipliers are computed unless given."""
     survey = complete(problem, u, problem.survey(u)) if survey is None else survey
     values = multipliers(problem, u, J) if values is None else values

@@ -35,8 +35,8 @@ from saltus.system.maps import Map, flowing
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from saltus.checks.states import StateLike
     from saltus.orbits.unfolding import UnfoldedEquations
-    from saltus.system.states import StateLike
 
 __all__ = ["check_fields", "check_tol", "converge", "solve_orbit", "solve_unknowns"]
 

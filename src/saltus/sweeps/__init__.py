@@ -1,6 +1,6 @@
 """Sweeps of a parameter by simulation, and Lyapunov exponents."""
 
-from saltus.flow.criteria import Criteria
+from saltus.flow.recurring.criteria import Criteria
 from saltus.flow.variational import Average
 from saltus.sweeps.brute_force import run_sweep
 from saltus.sweeps.lyapunov import LyapunovSpectrum, lyapunov_spectrum

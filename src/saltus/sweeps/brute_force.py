@@ -44,7 +44,7 @@ from saltus.system import HybridSystem, Map
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from saltus.system.states import StateLike
+    from saltus.checks.states import StateLike
 
 __all__ = ["run_sweep"]
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from saltus.system.states import StateLike
+    from saltus.checks.states import StateLike
 
 __all__ = ["LyapunovSpectrum", "lyapunov_spectrum"]
 

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.flow.criteria import Criteria
+    from saltus.checks.states import StateLike
     from saltus.flow.motion_kind import Kind
+    from saltus.flow.recurring.criteria import Criteria
     from saltus.sweeps.options import SweepOptions
     from saltus.system import Map
-    from saltus.system.states import StateLike
 
 __all__ = ["MapReturns"]
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from saltus import checks
 from saltus.errors import InputError
-from saltus.flow.criteria import Criteria
 from saltus.flow.motion import tolerances_of
+from saltus.flow.recurring.criteria import Criteria
 from saltus.sweeps.section import Section
 
 __all__ = ["PASSES", "SweepOptions"]

@@ -14,7 +14,6 @@ import numpy as np
 from saltus import checks
 from saltus.ensemble.returns import Start
 from saltus.errors import ChatteringError, InputError
-from saltus.flow.criteria import Criteria
 from saltus.flow.motion_kind import (
     CHAOTIC,
     CHATTERING,
@@ -27,6 +26,7 @@ from saltus.flow.motion_kind import (
     classify,
 )  # fmt: skip
 from saltus.flow.poincare import PoincareReturns
+from saltus.flow.recurring.criteria import Criteria
 from saltus.flow.variational import Growth
 from saltus.sweeps.map_returns import MapReturns
 from saltus.sweeps.options import SweepOptions
@@ -39,7 +39,7 @@ from saltus.system.maps import checked_system, flowing
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.system.states import StateLike
+    from saltus.checks.states import StateLike
 
 __all__ = ["Begun", "Row", "Task"]
 

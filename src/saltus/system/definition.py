@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from saltus import checks
+from saltus.checks.states import named_state, shapes_that_fit
 from saltus.errors import DefinitionError, InputError, nearest
 from saltus.system.expressions import Names, check_name, text_of
 from saltus.system.grammar import chosen_among, clipped
@@ -29,13 +30,12 @@ from saltus.system.parts import (
     sequence_of,
     texts_of,
 )
-from saltus.system.states import named_state, shapes_that_fit
 from saltus.system.structure import check_structure
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.system.states import StateLike
+    from saltus.checks.states import StateLike
 
 
 __all__ = ["Definition"]

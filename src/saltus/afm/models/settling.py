@@ -20,8 +20,8 @@ from saltus.sweeps import SweepOptions, run_sweep
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.checks.states import StateLike
     from saltus.system import HybridSystem
-    from saltus.system.states import StateLike
 
 __all__ = [
     "Known",

@@ -15,7 +15,7 @@ from saltus.basins.attractors.invariant_set import Cage
 from saltus.basins.attractors.trapping import (
     OrbitEllipsoids,
 )
-from saltus.flow.criteria import Criteria
+from saltus.flow.recurring.criteria import Criteria
 from saltus.orbits import PeriodicOrbit
 
 if TYPE_CHECKING:

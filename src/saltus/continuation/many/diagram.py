@@ -26,8 +26,8 @@ from saltus.system.angles import wrapped
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.checks.states import StateLike
     from saltus.continuation.results.special_points import SpecialPoint
-    from saltus.system.states import StateLike
 
 __all__ = ["DiagramOptions", "diagram"]
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.problems.excursions import behind, gone, moved, turns_back, way_back
+from saltus.continuation.problems.ends.excursions import behind, gone, moved, turns_back, way_back
 from saltus.continuation.problems.margins import passing, run_out
 from saltus.continuation.problems.rows import Found, closed, gathered, joined
 from saltus.orbits.coincidences import Order, exchanged

@@ -81,8 +81,8 @@ def tightened(
 ) -> bool:
     """Return whether the finest tolerance was just taken, since a looser one cannot tell what the orbit is.
 
-    It cannot where the two halves of an orbit are so near each other that errors part the branches that meet there, or
-    where multipliers may lie on either side of the unit circle. The orbit is to be solved again then.
+    It cannot where the two halves of an orbit are so near each other that errors part the branches that meet there. Nor
+    can it where multipliers may lie on either side of the unit circle. The orbit is to be solved again then.
     """
     if problem.tol <= FINEST:
         return False

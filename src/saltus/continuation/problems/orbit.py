@@ -16,21 +16,10 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
+from saltus.continuation.problems import guards
 from saltus.continuation.problems.changes import limits_of_multipliers
 from saltus.continuation.problems.doubts import DOUBT, search_between
 from saltus.continuation.problems.grazing import turned
-from saltus.continuation.problems.guards import (
-    CROSSINGS,
-    HALVES,
-    ROUGH_GRAZING,
-    SHORT,
-    goes_twice,
-    residual_fault,
-    rests,
-    step_fault,
-    tightened,
-    unconfirmed,
-)
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
@@ -178,8 +167,7 @@ class OrbitZeroProblem:
             self._retries.keep(point)
         if depart(self, self.problem, point.u, point):
             data: OrbitData | None = point.examined.data
-            alone = {} if data is None else {Monitor("duration", i): math.nan for i in data.survey.together}
-            renewed = {**point.examined.monitors, **self._measured(point), **alone}
+            renewed = {**point.examined.monitors, **self._measured(point), **(data.coincident if data else {})}
             point.examined = replace(point.examined, monitors=renewed)
 
     def _product(self, name: Monitor, point: Point, mu: float) -> float:
@@ -237,13 +225,13 @@ class OrbitZeroProblem:
             return Examined({}, fault)
         self._sharpen(point)
         survey, self._retries.solved = problem.survey(point.u), True
-        if survey.coarse or tightened(problem, survey, point.u, self.own(point.J), neutral=self.neutral):
+        if survey.coarse or guards.tightened(problem, survey, point.u, self.own(point.J), neutral=self.neutral):
             if (fault := solve_again(self, problem, point, point.u)) is not None:
                 return Examined({}, fault)
             survey = problem.survey(point.u)
         survey = complete(problem, point.u, survey)
-        twice = goes_twice(problem, point.u, survey)
-        if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
+        twice = guards.goes_twice(problem, point.u, survey)
+        if before is not None and (fault := guards.residual_fault(problem, survey, point.u)) is not None:
             return Examined({}, fault)
         watched = {name: watch.distance(problem, point.u) for name, watch in self._observables.items()}
         watched |= {name: slope_along(problem, point.u, point.tangent, of) for name, of in self._turning.items()}
@@ -257,7 +245,7 @@ class OrbitZeroProblem:
         data = OrbitData(survey, values, unstable, followed, twice=twice, tolerance=problem.tol)
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
-        monitors |= {Monitor("duration", i): math.nan for i in survey.together}
+        monitors |= data.coincident
         still_ahead(monitors, survey, before)
         if abs(values[0]) < INFINITE and not self.neutral:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
@@ -265,17 +253,20 @@ class OrbitZeroProblem:
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         if before is None:
             return Examined(monitors, None, data)
-        if rests(before, point):
+        if guards.rests(before, point):
             self._judge_fold(before, monitors, data)
         self._step, self._crossed = (before, point), None
-        fault = step_fault(point, before, monitors, data, None if self.neutral else way)
-        if fault == CROSSINGS and (name := crossing_at_once(before.examined.data.followed, followed)) is not None:
+        fault = guards.step_fault(point, before, monitors, data, None if self.neutral else way)
+        if (
+            fault == guards.CROSSINGS
+            and (name := crossing_at_once(before.examined.data.followed, followed)) is not None
+        ):
             ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
             before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
             monitors[name], fault, self._crossed = ends[1], None, way.real
         known, several = before.examined.monitors, None
         if fault is None and twice > before.examined.data.twice and monitors[_BP] * known[_BP] > 0.0:
-            fault = HALVES
+            fault = guards.HALVES
         if fault is None and not self.neutral:
             turns = (monitors.get(name, math.nan) * known.get(name, math.nan) < 0.0 for name in (_SN, _BP))
             several, data = search_between(self._spectrum, before, point, data, touches=all(turns))
@@ -377,7 +368,7 @@ class OrbitZeroProblem:
         which is a shadow too. docs/theory/continuation.md, "Special points", explains both.
         """
         if any(at_grazing(event.name) for event in events) and self.problem.tighten():
-            return ROUGH_GRAZING
+            return guards.ROUGH_GRAZING
         points = [event.point for event in events if event.name == _BP]
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
         kept = [e for e in events if e.name != _SN or not any(self._turned_by(point, e.point.arc) for point in points)]
@@ -385,15 +376,15 @@ class OrbitZeroProblem:
         kept = once([e for e in kept if not self._opposite(e)])
         for event in kept:
             self._take_limits(event)
-        long = self._step is not None and self._step[1].arc - self._step[0].arc >= SHORT
+        long = self._step is not None and self._step[1].arc - self._step[0].arc >= guards.SHORT
         twins = [event for event in kept if event.name.kind in (ZEROS, FLIPS)]
         if self._crossed is not None:
             located = any(explains(e.name, np.array(e.point.examined.data.followed), self._crossed) for e in twins)
-            return twins if located else CROSSINGS
+            return twins if located else guards.CROSSINGS
         for event in [e for e in kept if e.name.kind in ("SN", "PD", "TR")]:
             u, data = event.point.u, event.point.examined.data
             own = self.own(event.point.J)
-            if data is not None and unconfirmed(self.problem, event.name.kind, u, own, data.multipliers):
+            if data is not None and guards.unconfirmed(self.problem, event.name.kind, u, own, data.multipliers):
                 if long:
                     return f"location: the orbit at a zero of {event.name} has no multiplier that is critical"
                 kept.remove(event)
@@ -436,7 +427,7 @@ class OrbitZeroProblem:
             return event.point.examined.fault if here is None else None
         if turned(self.problem, event.name, event.point.u):
             return "not admissible: a segment touches its surface inside before it does where it starts"
-        if not a.followed or self.neutral or rests(before, after):
+        if not a.followed or self.neutral or guards.rests(before, after):
             return None
         kind, followed = event.name.kind, here.followed
         critical = {i for i, value in enumerate(followed) if abs(height(value)) < _CRITICAL}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from saltus.continuation.core.monitor import Monitor
 from saltus.scales import FINEST
 
 if TYPE_CHECKING:
@@ -30,6 +32,11 @@ class OrbitData:
     beside: tuple[float, NDArray[np.complex128]] | None = None
     twice: bool = False  # whether the orbit goes round a shorter one twice
     tolerance: float = FINEST  # relative tolerance of the flow that it was solved with
+
+    @property
+    def coincident(self) -> dict[Monitor, float]:
+        """Monitors of durations between events of one instant: none of them is a border."""
+        return {Monitor("duration", i): math.nan for i in self.survey.together}
 
 
 @dataclass(frozen=True)

@@ -260,6 +260,21 @@ def _first_side(surface, values, origin):
 
 
 @njit(**INNER)
+def _left_to(surface, values, origin, width, b, degree):
+    """Divide h by the time since a start on the surface; return the side to which the motion leaves it, 0 for none.
+
+    The polynomial h / s takes the place of h: its coefficient i is h's coefficient i + 1 times degree / (i + 1).
+    """
+    for i in range(DEGREE):
+        b[i] = b[i + 1] * DEGREE / (i + 1.0)
+    b[0] = surface.rate_h * width if surface.rate_counts else 0.0
+    leaves = _leaving_side(b, degree, surface.rate_counts, surface.rounding)
+    if leaves == 0 and abs(values[DEGREE] - origin) > surface.rounding:
+        leaves = 1 if values[DEGREE] > origin else -1
+    return leaves
+
+
+@njit(**INNER)
 def _scan(system, surface, along, tolerances, fit, found):
     """All zeros of an event function in the step, in order.
 
@@ -312,14 +327,8 @@ def _scan(system, surface, along, tolerances, fit, found):
             continue
         degree = full
         if on_here:
-            # h / s: its coefficient i is h's coefficient i + 1 times degree / (i + 1)
             degree = full - 1
-            for i in range(DEGREE):
-                b[i] = b[i + 1] * DEGREE / (i + 1.0)
-            b[0] = surface.rate_h * width if surface.rate_counts else 0.0
-            leaves = _leaving_side(b, degree, surface.rate_counts, surface.rounding)
-            if leaves == 0 and abs(values[DEGREE] - origin) > surface.rounding:
-                leaves = 1 if values[DEGREE] > origin else -1
+            leaves = _left_to(surface, values, origin, width, b, degree)
             if leaves == 0:
                 return 0, surface.side, True, jumps
             before = now = leaves

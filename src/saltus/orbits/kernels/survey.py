@@ -79,13 +79,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         add_moments(view, curve, begun, start, turns, room, found.moments)
         begun += piece.duration
         bad |= _ended(view, piece, curve, u, (orbit.turns, orbit.angles), room, pointer(found.rates, 4 * i))
-        for k in range(view.transitions):
-            found.margins[i * view.transitions + k] = np.inf
-            found.places[i * view.transitions + k] = 0.5
-            found.distances[i * view.transitions + k] = np.nan
-            found.behind[i * view.transitions + k] = np.nan
-            found.unmet[i * view.transitions + k] = np.nan
-            found.counts[i * view.transitions + k] = 0
+        _unmet(found, i * view.transitions, view.transitions)
         if kinds[i] != CUT_END:
             head, steps = i, int64(0)
         if piece.transition >= 0 and piece.kind != TOUCH_END:
@@ -103,24 +97,15 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         if events.phase and not found_zero:
             found_zero = _reached(view, curve, target, room, found.x0)
         _extremes(view, curve, room, found)
-        before, closed = (
-            transitions[i - 1 if i > 0 else segments - 1],
-            kinds[head] == PHASE_END or kinds[head] == CLOSED_END,
-        )
+        before = transitions[i - 1 if i > 0 else segments - 1]
+        closed = kinds[head] == PHASE_END or kinds[head] == CLOSED_END
         at_one_time(system, at_once, i, view.transitions, at_one)
         at_one_time(system, at_once, (head if head > 0 else segments) - 1, view.transitions, at_start)
         for k in range(view.transitions):
             if view.sources[k] == piece.mode:
                 there = at_one[k] != 0, at_start[k] != 0
                 bad |= margin(view, curve, k, head, piece.transition, before, there, closed, room, found)
-    for q in range(n):
-        # no segment's mode has the state
-        if found.lows[q] > found.highs[q]:
-            found.lows[q] = found.highs[q] = 0.0
-    for q in range(n + view.outputs):
-        # an output without a value on part of the orbit has no extremes
-        if math.isnan(found.moments[3 * q]):
-            found.lows[q] = found.highs[q] = np.nan
+    _without_values(found, n, n + view.outputs)
     if not events.phase or not found_zero:
         for e in range(n):
             found.x0[e] = u[e]
@@ -129,6 +114,29 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
     keep(once)
     keep(instant)
     return bad
+
+
+@njit(**INNER)
+def _unmet(found, first, count):
+    """Note of the events of a segment that nothing is known of them yet."""
+    for k in range(first, first + count):
+        found.margins[k] = np.inf
+        found.places[k] = 0.5
+        found.distances[k] = np.nan
+        found.behind[k] = np.nan
+        found.unmet[k] = np.nan
+        found.counts[k] = 0
+
+
+@njit(**INNER)
+def _without_values(found, states, quantities):
+    """Complete the extremes of states that no segment's mode has, and of outputs without a value on part of the orbit."""
+    for q in range(states):
+        if found.lows[q] > found.highs[q]:
+            found.lows[q] = found.highs[q] = 0.0
+    for q in range(quantities):
+        if math.isnan(found.moments[3 * q]):
+            found.lows[q] = found.highs[q] = np.nan
 
 
 @njit(**INNER)

@@ -40,6 +40,16 @@ def without_poles(expression: sympy.Expr) -> sympy.Expr:
     return expression.replace(has_pole, lambda e: pole(e.base, e.exp))
 
 
+def _term(texts: list[str], k: int, *, clamped: bool) -> str:
+    """A coefficient times a power and powers of its logarithm; where the base is 0, their limit."""
+    base, exponent, _, coefficient = texts
+    power = f"{base}**{exponent}"
+    if clamped:
+        power = f"({power} if {base} >= 0.0 or {exponent} == math.floor({exponent}) else 0.0)"
+    logarithm = f"*math.log(abs({base}) if abs({base}) > 0.0 or {exponent} <= 0.0 else 1.0)"
+    return f"(0.0 if {coefficient} == 0.0 else {coefficient}*{power}{logarithm * k})"
+
+
 def code_printer(*, clamped: bool) -> Any:
     """Return what writes Python text; `clamped` where broken powers of negative numbers are 0."""
 
@@ -101,7 +111,7 @@ def code_printer(*, clamped: bool) -> Any:
 
         def _print_Function(self, expr: Any) -> str:
             if isinstance(expr, Power):
-                return self._term(*expr.args)
+                return _term([f"({self._print(part)})" for part in expr.args], int(expr.args[2]), clamped=clamped)
             if expr.func.__name__ != _POLE:
                 return str(super()._print_Function(expr))
             base, exponent = f"({self._print(expr.args[0])})", expr.args[1]
@@ -109,15 +119,6 @@ def code_printer(*, clamped: bool) -> Any:
             if exponent.is_Rational and exponent.q == 2:
                 power = f"1.0/{self._power(base, -int(exponent.p), 2)}"
             return f"({power} if {base} > 0.0 else 0.0)"
-
-        def _term(self, base: Any, exponent: Any, k: Any, coefficient: Any) -> str:
-            """A coefficient times a power and powers of its logarithm; where the base is 0, their limit."""
-            b, e, c = (f"({self._print(part)})" for part in (base, exponent, coefficient))
-            power = f"{b}**{e}"
-            if clamped:
-                power = f"({power} if {b} >= 0.0 or {e} == math.floor({e}) else 0.0)"
-            logarithm = f"*math.log(abs({b}) if abs({b}) > 0.0 or {e} <= 0.0 else 1.0)"
-            return f"(0.0 if {c} == 0.0 else {c}*{power}{logarithm * int(k)})"
 
         @staticmethod
         def _power(base: str, p: int, q: int) -> str:

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.flow.recurrence import extent_of
-from saltus.flow.smoothness import weighted_mean
+from saltus.flow.recurring.recurrence import extent_of
+from saltus.flow.recurring.smoothness import weighted_mean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.flow.criteria import Criteria
+    from saltus.flow.recurring.criteria import Criteria
 
 __all__ = ["cut_circle", "locked_turns", "rotation_number"]
 

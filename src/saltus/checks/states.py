@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from saltus import checks
+from saltus.checks.numeric import number
+from saltus.checks.textual import mapping
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,11 +28,11 @@ def named_state(
     says which state is missing, or which name is unknown.
     """
     known = states if phase is None else (*states, phase)
-    found = checks.mapping(name, given, "states to numbers", known=known)
+    found = mapping(name, given, "states to numbers", known=known)
     needed = states if own is None else own
     if missing := [state for state in needed if state not in found]:
         raise InputError(name, dict(given), f"a value for each of {', '.join(needed)}", f"{missing[0]!r} is missing")
-    return np.array([checks.number(f"{name}[{state!r}]", found.get(state, 0.0)) for state in known])
+    return np.array([number(f"{name}[{state!r}]", found.get(state, 0.0)) for state in known])
 
 
 def shapes_that_fit(states: tuple[str, ...], phase: str | None, own: Sequence[str] | None, mode: str | None) -> str:
