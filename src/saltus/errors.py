@@ -443,8 +443,7 @@ def nearest(name: object, names: Iterable[str]) -> str:
     >>> nearest("Omga", ["Omega", "ybar"])
     "did you mean 'Omega'?"
     """
-    if not isinstance(name, str) or len(name) > _LONGEST_TEXT:
-        return ""
-    folded = {known.casefold(): known for known in names}
-    found = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.5)
-    return f"did you mean {folded[found[0]]!r}?" if found else ""
+    known = list(names) if isinstance(name, str) and len(name) <= _LONGEST_TEXT else []
+    found = [other for other in known if other.casefold() == str(name).casefold()]
+    found = found or (difflib.get_close_matches(str(name), known, n=1, cutoff=0.5) if known else [])
+    return f"did you mean {found[0]!r}?" if found else ""

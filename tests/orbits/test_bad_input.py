@@ -28,7 +28,7 @@ def changed(**parts):
     return [tuple(parts.get(name, value) for name, value in zip(names, GOOD, strict=True))]
 
 
-@pytest.mark.parametrize(("name", "hint"), [("zz", ""), ("aa", "; did you mean 'A'?"), ("w0", "; did you mean 'w'?")])
+@pytest.mark.parametrize(("name", "hint"), [("aa", ""), ("w0", "; did you mean 'w'?")])
 def test_unknown_parameter(oscillator, name, hint):
     with refuse(f"parameter = {name!r}: must be one of k, c, d, e, w, A{hint}"):
         solve_orbit(oscillator, {name: 1.0}, [GOOD])

@@ -162,7 +162,7 @@ def test_derivatives_are_compiled_when_they_are_first_needed(folder):
     flight = Mode({"z": "v", "v": "-g - 0.1*v"}, domain="z + 1")
     system = HybridSystem(("z", "v"), {"g": 1.0, "e": 0.9}, {"flight": flight}, [impact], outputs={"rate": "v"})
     simulate(system, x0=[2.0, 0.0], t_end=1.0)
-    assert compiled(folder) == {"derive", "field", "event", "event_x", "reset", "guard"}
+    assert compiled(folder) == {"derive", "field", "event", "event_x", "reset", "guard", "rounding"}
     lyapunov_spectrum(system, x0=[2.0, 0.0], average=Average(t_end=1.0))
     assert compiled(folder) == set(FUNCTIONS) - {"ways"}
 
