@@ -81,7 +81,10 @@ def test_values_that_cannot_be_followed(impact_oscillator, values, message):
         ),
         ({"tolerance": 1.0}, r"^SweepOptions.tolerance = 1\.0: must be a number between 1e-14 and 0\.1$"),
         ({"parameters": {"e": "much"}}, r"^e = 'much': must be a finite number$"),
-        ({"x0": [0.0]}, r"^x0 = \[0\.0\]: must be of shape \(2,\), one number for each of x, v, or \(3,\) with the phase theta$"),
+        (
+            {"x0": [0.0]},
+            r"^x0 = \[0\.0\]: must be of shape \(2,\), one number for each of x, v, or \(3,\) with the phase theta$",
+        ),
         ({"mode": "fre"}, r"^SweepOptions.mode = 'fre': must be one of free; did you mean 'free'\?$"),
         ({"workers": 0}, r"^SweepOptions.workers = 0: must be an integer >= 1$"),
         ({"client": "here"}, r"^SweepOptions.client = 'here': must be a dask\.distributed\.Client$"),

@@ -68,13 +68,24 @@ class Estimate(NamedTuple):
     error: float
 
 
-def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
+def warned(text: str) -> None:
+    """Warn of an observable without a value."""
+    warnings.warn(f"saltus: {text}", RuntimeWarning, stacklevel=2)
+
+
+def unheard(_: str) -> None:
+    """Say nothing of an observable without a value, for those who tell it themselves."""
+
+
+def observe(motion: Motion, names: Iterable[str], tell: Callable[[str], None] = warned) -> dict[str, float]:
     """Return observables of a motion by name; the page of this module lists them.
 
     Parameters
     ----------
     names : iterable of str
         What is observed, as in ``"amplitude(z, 1)"`` or ``"-degrees(phase(z, 1))"``.
+    tell : callable, optional
+        Is called with a text for each observable without a value.
 
     Raises
     ------
@@ -94,7 +105,7 @@ def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
     mean(v) = -0.250000
     velocity(impact) = -1.000000
     """
-    return {name: one.value for name, one in _observed(motion, tuple(names), False).items()}
+    return {name: one.value for name, one in _observed(motion, tuple(names), False, tell).items()}
 
 
 def estimate(motion: Motion, names: Iterable[str]) -> dict[str, Estimate]:
@@ -119,17 +130,17 @@ def estimate(motion: Motion, names: Iterable[str]) -> dict[str, Estimate]:
     >>> print(f"{found.value:.9f}", found.error < 1e-9)
     0.636619772 True
     """
-    return _observed(motion, tuple(names), True)
+    return _observed(motion, tuple(names), True, warned)
 
 
-def _observed(motion: Motion, names: tuple[str, ...], spread: bool) -> dict[str, Estimate]:
+def _observed(motion: Motion, names: tuple[str, ...], spread: bool, tell: Callable[[str], None]) -> dict[str, Estimate]:
     """Return observables; spread: whether errors hold what the errors of the states make."""
     formulas = {name: read_formula(motion.system, name) for name in names}
     wanted = {part: observable for formula in formulas.values() for part, observable in formula.parts.items()}
     check_rotating(motion.system, motion.rotating, wanted)
     advance = float(np.abs(motion.durations).max()) * motion.angle[1]
     highest = max((float(observable.order) for observable in wanted.values() if observable.order), default=0.0)
-    seen = _Seen(motion, _NODES + math.ceil(highest * advance), spread)
+    seen = _Seen(motion, _NODES + math.ceil(highest * advance), spread, tell)
     values = {part: _value(seen, part, observable) for part, observable in wanted.items()}
     known = dict(motion.parameters)
     if motion.turns is not None:
@@ -150,8 +161,8 @@ def _composed(formula: Formula, values: dict[str, Estimate], known: dict[str, fl
 class _Seen:
     """A motion at nodes of a quadrature, each expression evaluated once."""
 
-    def __init__(self, motion: Motion, nodes: int, spread: bool) -> None:
-        self.motion, self.nodes, self.spread = motion, nodes, spread
+    def __init__(self, motion: Motion, nodes: int, spread: bool, tell: Callable[[str], None]) -> None:
+        self.motion, self.nodes, self.spread, self.tell = motion, nodes, spread, tell
         self.panels = Panels.of(motion, np.arange(len(motion.spans)), motion.spans, nodes)
         self._values: dict[str, NDArray[np.float64]] = {}
         self._whole: dict[int, _Seen | None] = {}
@@ -172,7 +183,8 @@ class _Seen:
     ) -> tuple[complex, float]:
         """Mean over time of an expression, times a wave of times, and its error; a warning names what has none."""
         total = integrate(self.panels, of, self.values(of), wave, self.spread)
-        _tell(name, total)
+        if total.note:
+            self.tell(f"{name} is NaN: {total.note}")
         return total.value / self.length, total.error / abs(self.length)
 
     def extreme(self, of: str, sign: float) -> Estimate:
@@ -194,13 +206,8 @@ class _Seen:
             if stretch is None or stretch is self.motion:
                 self._whole[periods] = None if stretch is None else self
             else:
-                self._whole[periods] = _Seen(stretch, self.nodes, self.spread)
+                self._whole[periods] = _Seen(stretch, self.nodes, self.spread, self.tell)
         return self._whole[periods]
-
-
-def _tell(name: str, total: Total) -> None:
-    if total.note:
-        warnings.warn(f"saltus: {name} is NaN: {total.note}", RuntimeWarning, stacklevel=2)
 
 
 def _value(seen: _Seen, name: str, observable: Observable) -> Estimate:

@@ -67,8 +67,11 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
 def _at_once(problem: OrbitProblem, segment: int, block: NDArray[np.float64]) -> bool:
     """Return whether a segment's event follows at once upon the one before: zero length is its end, and a regular one.
 
-    The motion goes through the surface there with a clear rate, whose sign stays.
+    The motion goes through the surface there with a clear rate, whose sign stays. Both events are due in one mode: a
+    segment without length in another mode is a border.
     """
+    if problem.signature.modes[segment - 1] != problem.signature.modes[segment]:
+        return False
     n, compiled, p = problem.n, problem.system.compiled, problem.extended
     x, duration = np.ascontiguousarray(block[:n]), float(block[n])
     own, seen, moved = int(problem.signature.transitions[segment]), np.empty(2 + 2 * n), np.empty(n)

@@ -307,7 +307,7 @@ class FlowReturns:
         self, parameters: Mapping[str, float], found: PoincareReturns, kind: Kind, observables: Sequence[str]
     ) -> list[float]:
         """Return observables over the period of a periodic motion, else over the time of the returns kept."""
-        from saltus.flow.observables import observe
+        from saltus.flow.observables import observe, unheard
 
         multiple = math.lcm(*(order.denominator for order in self._orders(observables)))
         time = self.mean_time(found) * (kind.period or self.keep)
@@ -318,7 +318,7 @@ class FlowReturns:
         name = self.system.mode_names[found.mode_end]
         how_long |= {"tolerance": (self.rtol, self.atol)}
         motion = simulate(self.system, parameters, found.x_end, mode=name, **how_long).motion()
-        return list(observe(motion, observables).values())
+        return list(observe(motion, observables, unheard).values())
 
     def check_observables(self, observables: Sequence[str]) -> None:
         """Raise `InputError` where a name is no observable of a motion."""

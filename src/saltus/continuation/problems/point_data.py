@@ -14,6 +14,7 @@ import numpy as np
 
 from saltus.continuation.core.within_step import searched
 from saltus.equilibria.spectrum import bands
+from saltus.scales import SMALLEST
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -75,7 +76,12 @@ def searched_by_size(
     if any([own.size for own in row] != counts for row in sets):
         return None
     sizes = np.unique(rows[-2][1])[::-1]
-    units = [unit, *sizes[1:].tolist()]
+
+    def largest_of(at: int) -> float:
+        return max((float(np.abs(row[at]).max()) for row in sets if row[at].size), default=0.0)
+
+    # a quotient of what is far from critical stays below the largest double
+    units = [max(size, SMALLEST, SMALLEST * largest_of(i)) for i, size in enumerate([unit, *sizes[1:].tolist()])]
 
     def spectra(at: int, shares: NDArray[np.float64]) -> NDArray[np.complex128]:
         found = np.full((shares.size, counts[at]), complex(math.nan))

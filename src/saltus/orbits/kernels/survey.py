@@ -68,7 +68,9 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
     at_once, at_one, at_start = pointer(once, 0), pointer(instant, 0), pointer(instant, view.transitions)
     for i in range(segments):
         piece = piece_at(system, i, u, period)
-        at_once[i] = 1 if is_at_once(view, piece, pointer(u, piece.row), room) else 0
+        # what the event before could not hold up was due with it: a segment of another mode is a border
+        same = system.modes[i - 1 if i > 0 else segments - 1] == piece.mode
+        at_once[i] = 1 if same and is_at_once(view, piece, pointer(u, piece.row), room) else 0
         if at_once[i] == 0 and ((not piece.duration > 0.0 and piece.kind != MEAN_END) or piece.duration < 0.0):
             bad |= DURATION
     for i in range(segments):

@@ -14,7 +14,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import InputError, nearest
 from saltus.flow.formulas import read_formula
-from saltus.flow.observables import observe
+from saltus.flow.observables import observe, unheard
 from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.sampling import motion_of
 
@@ -55,7 +55,7 @@ class Quantity:
             return float(u[problem.n : problem.size : problem.n + 1].sum())
         survey = complete(problem, u, problem.survey(u))
         if self.kind in ("observable", "formula"):
-            return observe(motion_of(problem, u), (self.name,))[self.name]
+            return observe(motion_of(problem, u), (self.name,), unheard)[self.name]
         if self.kind == "constant":
             return 0.5 * float(survey.lows[self.column] + survey.highs[self.column])
         return float((survey.lows if self.kind == "min" else survey.highs)[self.column])
