@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "BRIEF",
     "CARRIED",
     "DIVERGED",
     "EPS",
@@ -30,6 +31,8 @@ __all__ = [
     "ILL_CONDITIONED",
     "INFINITE",
     "LOCATED",
+    "ONE_STATE",
+    "ON_SURFACE",
     "RESOLVED",
     "RESOLVED_RATIO",
     "ROUGH",
@@ -132,6 +135,16 @@ FINER = 0.1
 # Share of an integral that lies in steps as short as rounding allows, above which it has no value: halving them goes
 # on to change it. A logarithm's pole leaves 1e-13, that of an inverse root 1e-7.
 DIVERGED = 1e-3
+
+# A state lies on a surface up to this value of the event function, over its variation with the states' sizes: the
+# error of a grazing that was located, which is quadratic in what is left.
+ON_SURFACE = 1e-6
+
+# Two states at one instant are one up to this difference, over the states' sizes: the same error.
+ONE_STATE = 1e-6
+
+# Share of a period above which a segment is no candidate for events of one instant: a look before the judgement.
+BRIEF = 1e-6
 
 
 class Verdict(Enum):

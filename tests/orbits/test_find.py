@@ -156,9 +156,7 @@ def test_a_time_to_settle_that_cannot_be(settle):
 
 @pytest.mark.parametrize("x0", [(), [1.0]])
 def test_a_start_of_another_length(x0):
-    with pytest.raises(
-        InputError, match=r"^x0 = .*: must be of shape \(2,\), one number for each of x, v, or \(3,\) with"
-    ):
+    with pytest.raises(InputError, match=r"^x0 = .*: must be of shape \(2,\), one number for each of x, v, or"):
         find_orbit(systems.impact_oscillator(), x0=x0)
 
 

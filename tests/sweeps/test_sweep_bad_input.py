@@ -83,7 +83,7 @@ def test_values_that_cannot_be_followed(impact_oscillator, values, message):
         ({"parameters": {"e": "much"}}, r"^e = 'much': must be a finite number$"),
         (
             {"x0": [0.0]},
-            r"^x0 = \[0\.0\]: must be of shape \(2,\), one number for each of x, v, or \(3,\) with the phase theta$",
+            r"^x0 = \[0\.0\]: must be of shape \(2,\), one number for each of x, v, or \(3,\) with",
         ),
         ({"mode": "fre"}, r"^SweepOptions.mode = 'fre': must be one of free; did you mean 'free'\?$"),
         ({"workers": 0}, r"^SweepOptions.workers = 0: must be an integer >= 1$"),

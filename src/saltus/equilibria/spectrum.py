@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.algebraic.products import combined, pairs
-from saltus.scales import SEPARATED
+from saltus.scales import EPS, SEPARATED, SMALLEST
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -86,7 +86,8 @@ def _slow_part(A: NDArray[np.float64], fast: float, slow: float) -> tuple[NDArra
     left = right.T + solve_sylvester(T[:m, :m], -T[m:, m:], T[:m, m:]) @ rest.T
     terms = np.abs(left) @ np.abs(A) @ np.abs(right)
     size = float(np.abs(np.linalg.eigvals(terms)).max(initial=0.0))
-    if m == 0 or not size < _APART * fast:
+    # terms that underflow have lost their digits
+    if m == 0 or not SMALLEST / EPS < size < _APART * fast:
         return None
     return _balanced(left @ A @ right), size
 

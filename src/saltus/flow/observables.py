@@ -39,7 +39,7 @@ import numpy as np
 
 from saltus.errors import InputError
 from saltus.flow.formulas import Formula, Observable, check_rotating, read_formula
-from saltus.flow.quadrature import Panels, Total, greatest, integrate
+from saltus.flow.quadrature import Panels, greatest, integrate
 from saltus.scales import EPS
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from saltus.orbits.signature import DURATION, Signature
-from saltus.scales import EPS, Verdict, same, zero
+from saltus.scales import BRIEF, EPS, Verdict, same, zero
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -29,7 +29,6 @@ __all__ = [
     "shortest_is_brief",
 ]
 
-_SHORT = 1e-6  # duration, over the period, above which a segment is not looked at more closely
 _MOST_ORDERS = 24  # orders of the events of an orbit that are looked at: all of four at one instant
 
 
@@ -73,7 +72,7 @@ def at_one_instant(problem: Equations, u: NDArray[np.float64]) -> list[int]:
     if problem.segments < 2 or not shortest_is_brief(problem, u) or not np.all(np.isfinite(u)):
         return []
     durations = u[problem.n : problem.size : problem.n + 1]
-    short = np.abs(durations) <= _SHORT * np.abs(durations).sum()
+    short = np.abs(durations) <= BRIEF * np.abs(durations).sum()
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     found = []
     for i in np.flatnonzero(short).tolist():
@@ -90,7 +89,7 @@ def at_one_instant(problem: Equations, u: NDArray[np.float64]) -> list[int]:
 def shortest_is_brief(problem: Equations, u: NDArray[np.float64]) -> bool:
     """Return whether a segment is so short that its events may happen at one instant: a first, cheap look."""
     durations = np.abs(u[problem.n : problem.size : problem.n + 1])
-    return bool(durations.min() <= _SHORT * durations.sum())
+    return bool(durations.min() <= BRIEF * durations.sum())
 
 
 def chains(members: Iterable[int], count: int) -> list[tuple[int, int]]:

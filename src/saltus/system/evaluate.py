@@ -25,6 +25,13 @@ _Value: TypeAlias = Any  # float64 or an array of them
 _Term: TypeAlias = Callable[[Mapping[str, _Value]], _Value]
 
 
+def _held(system: Definition, parameters: Mapping[str, float] | None) -> Mapping[str, float]:
+    """Return the values of all parameters; those of a solution under way may be out of their bounds."""
+    if parameters is not None and all(name in parameters for name in system.parameter_names):
+        return {name: parameters[name] for name in system.parameter_names}
+    return system.resolve(parameters)
+
+
 def evaluate(
     system: Definition,
     text: str,
@@ -69,7 +76,7 @@ def evaluate(
     expression = _known(system, text)
     table = np.atleast_2d(np.asarray(states, dtype=np.float64))
     at = np.broadcast_to(np.asarray(modes, dtype=np.int64), len(table))
-    constants: dict[str, _Value] = {name: np.float64(value) for name, value in system.resolve(parameters).items()}
+    constants: dict[str, _Value] = {name: np.float64(value) for name, value in _held(system, parameters).items()}
     known = (*system.all_states, *system.parameter_names)
     values = np.empty(len(table))
     with np.errstate(all="ignore"):

@@ -26,6 +26,10 @@ class Power(sympy.Function):  # type: ignore[misc]
             return Power(base, exponent - 1, k, exponent * coefficient) + lower
         return Power(base, exponent, k + 1, coefficient) if argindex == 2 else Power(base, exponent, k, sympy.S.One)
 
+    def _eval_evalf(self, prec: int) -> Any:
+        base, exponent, k, coefficient = self.args
+        return (coefficient * base**exponent * sympy.log(base) ** k)._eval_evalf(prec)
+
 
 def slope_of(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
     """Return the derivative of an expression, in which derivatives of varying powers are each a `Power`.

@@ -178,8 +178,7 @@ def test_a_hopf_point_that_is_a_saddle_node_as_well_is_told_to_be_a_zero_hopf_po
     branch = continue_equilibrium(find_equilibrium(roessler, x0=unit * np.array([5.7, -28.0, 28.0])), "c", (0.3, 6.0))
     assert sorted(point.type for point in branch.special_points) == ["HB", "SN"]
     assert [point.parameters["c"] for point in branch.special_points] == pytest.approx([0.4, 0.4], abs=1e-9)
-    with pytest.raises(InputError, match="it is a zero-Hopf point"):
-        _ = branch["HB1"].normal_form
+    assert "it is a zero-Hopf point" in branch["HB1"].normal_form.reason
     with pytest.raises(InputError, match="it is a zero-Hopf point"):
         switch_branch(branch["HB1"])
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from saltus.errors import SaltusError
 from saltus.flow.event_logs import events_after
+from saltus.scales import FINEST, ON_SURFACE, ONE_STATE
 from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
@@ -18,13 +19,10 @@ if TYPE_CHECKING:
 
 __all__ = ["behind", "gone", "moved", "turns_back", "way_back"]
 
-_ON = 1e-6  # event function, over its variation with the states' sizes, up to which a state lies on its surface
 _MOST = 8  # transitions of an excursion
 _PUSH = 1e-3  # velocity with which the surface is passed, over its variation with the states' sizes
 _LESS = 1 / 16  # the same of a second motion, over that of the first
 _SHRINKS = 0.5  # least share of its time away by which the second motion's is shorter: that of a fourth root
-_SAME = 1e-6  # difference, over the states' sizes, up to which a touching motion comes back to where it left
-_RTOL = 1e-11  # relative tolerance of the motions; the absolute one is it over the smallest state's size
 
 
 def behind(
@@ -83,7 +81,7 @@ def moved(problem: OrbitProblem, mode: int, x: NDArray[np.float64], y: NDArray[n
     Phases are not compared: no reset moves them, and they may differ by whole turns.
     """
     own = np.setdiff1d(np.arange(len(problem.system.states)), absent_states(problem.system, mode))
-    return bool(np.max(np.abs(x - y)[own] / problem.state_scale[own]) > _SAME)
+    return bool(np.max(np.abs(x - y)[own] / problem.state_scale[own]) > ONE_STATE)
 
 
 def _reset(problem: OrbitProblem, k: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -98,7 +96,7 @@ def _away(
     """Return the segments of a motion that passes the surface with a velocity, and for how long it is away."""
     start = _pushed(problem, mode, k, touching, push)
     period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
-    tolerance = _RTOL, _RTOL * float(problem.state_scale.min())
+    tolerance = FINEST, FINEST * float(problem.state_scale.min())
     try:
         log = events_after(
             problem.system, problem.parameters_at(u), start, mode, t_end=period, n_events=_MOST, tolerance=tolerance
@@ -155,7 +153,7 @@ def way_back(problem: OrbitProblem, source: int, target: int, x: NDArray[np.floa
     for k, transition in enumerate(problem.system.transitions):
         if transition.source == names[source] and transition.target == names[target]:
             problem.system.compiled.call("event_x", k, 0, np.ascontiguousarray(x), problem.extended, out)
-            if abs(out[0]) < _ON * float(np.abs(out[2 : 2 + n]) @ problem.state_scale):
+            if abs(out[0]) < ON_SURFACE * float(np.abs(out[2 : 2 + n]) @ problem.state_scale):
                 return k
     return None
 
