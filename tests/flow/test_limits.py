@@ -8,6 +8,7 @@ import pytest
 
 from saltus import HybridSystem, find_orbit, simulate
 from saltus.errors import DivergenceError, InputError
+from saltus.options import SimulationOptions
 
 
 def smooth(rate, parameters=None):
@@ -30,17 +31,21 @@ def test_large_rests_are_no_divergence(system, time, rest):
 @pytest.mark.parametrize("start", [1e13, -1e20, 1e200])
 def test_decay_is_no_divergence(start):
     assert simulate(smooth("-x"), x0=[start], t_end=3.0).x_end[0] == pytest.approx(start * math.exp(-3.0), rel=1e-9)
-    assert simulate(smooth("-x"), x0=[start], t_end=3.0, limit=1.0).x_end[0] == pytest.approx(start * math.exp(-3.0))
+    assert simulate(smooth("-x"), x0=[start], t_end=3.0, options=SimulationOptions(limit=1.0)).x_end[
+        0
+    ] == pytest.approx(start * math.exp(-3.0))
 
 
 def test_growth_without_bound_is_told_at_1e12_and_at_a_given_limit():
     with pytest.raises(DivergenceError, match=r"a state passes 1e\+12"):
         simulate(smooth("x"), x0=[1.0], t_end=100.0)
     with pytest.raises(DivergenceError, match=r"a state passes 1e\+03"):
-        simulate(smooth("x"), x0=[1.0], t_end=100.0, limit=1e3)
-    assert simulate(smooth("x"), x0=[1.0], t_end=100.0, limit=1e60).x_end[0] == pytest.approx(math.exp(100.0), rel=1e-8)
+        simulate(smooth("x"), x0=[1.0], t_end=100.0, options=SimulationOptions(limit=1e3))
+    assert simulate(smooth("x"), x0=[1.0], t_end=100.0, options=SimulationOptions(limit=1e60)).x_end[
+        0
+    ] == pytest.approx(math.exp(100.0), rel=1e-8)
     with pytest.raises(InputError, match="limit"):
-        simulate(smooth("x"), x0=[1.0], t_end=1.0, limit=-1.0)
+        simulate(smooth("x"), x0=[1.0], t_end=1.0, options=SimulationOptions(limit=-1.0))
 
 
 @pytest.mark.parametrize("phase", [None, ("s", "w")])

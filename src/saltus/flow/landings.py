@@ -120,17 +120,17 @@ def _behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.flo
     near = _LANDED * (float(np.abs(seen[2 : 2 + n]) @ np.abs(x)) + far)
     if not value > near:
         return None
+    compiled.call("reset", k, 0, x, extended, thrown)
+    if not np.any(seen[2:].reshape(2, n)[:, thrown != x]):  # a counter: its function knows nothing of what is reset
+        return None
     turn = direction * seen[2 + n :]
     length, faster = float(turn @ turn), (abs(rate) + float(np.abs(turn) @ np.abs(x))) or 1.0
     moved = x + turn * ((faster - rate) / length if length > 0.0 else 0.0)
     compiled.call("event_x", k, 0, moved, extended, seen)
     if not float(seen[1]) * direction > 0.0:
         return None
-    there = seen[:2].tolist()
     compiled.call("reset", k, 0, moved, extended, thrown)
     compiled.call("event_x", k, 0, thrown, extended, seen)
-    if seen[:2].tolist() == there:  # a counter, whatever its function does elsewhere
-        return None
     back = float(seen[0]) * direction < -near or float(seen[1]) * direction < 0.0
     return value * direction if back else None
 

@@ -68,7 +68,9 @@ _MEMORY = 1 << 29  # most memory of dense output, in bytes
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationOptions:
-    """Numbers of events and steps at which `simulate` ends a motion early; `Trajectory.stopped` says so.
+    """Numbers of events and steps at which `simulate` ends a motion early, and the size of a state that has diverged.
+
+    `Trajectory.stopped` says which number was reached.
 
     Parameters
     ----------
@@ -76,25 +78,31 @@ class SimulationOptions:
         Most transitions.
     max_steps : int, optional
         Most steps; by default as many as fit into 512 MiB, some 3 million for two states.
+    limit : float, optional
+        Size beyond which a state that grows has diverged. By default 1e12, or a million times the largest size of the
+        problem: the start, or the largest number or parameter over the least.
 
     Raises
     ------
     InputError
-        A limit is no count.
+        A number is no count, or the limit is not above 0.
 
     Examples
     --------
     >>> SimulationOptions(max_events=4)
-    SimulationOptions(max_events=4, max_steps=None)
+    SimulationOptions(max_events=4, max_steps=None, limit=None)
     """
 
     max_events: int = 100_000
     max_steps: int | None = None
+    limit: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "max_events", checks.count("SimulationOptions.max_events", self.max_events))
         if self.max_steps is not None:
             object.__setattr__(self, "max_steps", checks.count("SimulationOptions.max_steps", self.max_steps))
+        if self.limit is not None:
+            object.__setattr__(self, "limit", checks.positive("SimulationOptions.limit", self.limit))
 
 
 def simulate(
@@ -106,7 +114,6 @@ def simulate(
     t_end: float | None = None,
     periods: int | None = None,
     tolerance: float | tuple[float, float] = RTOL,
-    limit: float | None = None,
     options: SimulationOptions | None = None,
 ) -> Trajectory:
     """Return the motion of a hybrid system from a state.
@@ -130,11 +137,8 @@ def simulate(
         Relative tolerance of a step, between 1e-14 and 0.1, or a pair of relative and absolute tolerance. By default
         the absolute tolerance is 1e-12. Where a state stays below 1e-2 all along the motion, 1e-12 is
         multiplied by the size of the smallest state. States that never cross zero, as populations, have none then.
-    limit : float, optional
-        Size beyond which a state that grows has diverged. By default 1e12, or a million times the largest size of the
-        problem: the start, or the largest number or parameter over the least.
     options : SimulationOptions, optional
-        Numbers of transitions and steps after which the motion ends early; by default 100 000 transitions.
+        Numbers of transitions and steps after which the motion ends early, and the size beyond which it diverges.
 
     Returns
     -------
@@ -181,7 +185,6 @@ def simulate(
     p = system.parameter_vector(parameters)
     x = start_state(system, x0, mode)
     rtol, atol = tolerances_of(tolerance)
-    limit = None if limit is None else checks.positive("limit", limit)
     end, periods = how_long(system, periods, t_end)
     if periods is not None:
         periods = checks.count("periods", periods)
@@ -195,7 +198,7 @@ def simulate(
 
     def begun(atol: float) -> EventDrivenMotion:
         run = EventDrivenMotion(
-            system, p, x.copy(), start, rtol, atol, steps_kept=kept, room=most_steps, whole=given, limit=limit
+            system, p, x.copy(), start, rtol, atol, steps_kept=kept, room=most_steps, whole=given, limit=options.limit
         )
         runs.append(run)
         return run

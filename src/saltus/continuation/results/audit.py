@@ -27,6 +27,11 @@ class Breach:
         Place among the curve's points: 3.5 lies between points 3 and 4.
     values : tuple of float
         The varied parameters there.
+
+    Examples
+    --------
+    >>> Breach("ledger", "1 direction becomes unstable, and no special point says so", 3.5, (0.2,))
+    ledger, point 3.5: 1 direction becomes unstable, and no special point says so
     """
 
     check: str
