@@ -121,8 +121,7 @@ def _behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.flo
     if not value > near:
         return None
     compiled.call("reset", k, 0, x, extended, thrown)
-    if not np.any(seen[2:].reshape(2, n)[:, thrown != x]):  # a counter: its function knows nothing of what is reset
-        return None
+    changed, slopes = thrown != x, seen[2:].reshape(2, n).copy()
     turn = direction * seen[2 + n :]
     length, faster = float(turn @ turn), (abs(rate) + float(np.abs(turn) @ np.abs(x))) or 1.0
     moved = x + turn * ((faster - rate) / length if length > 0.0 else 0.0)
@@ -130,6 +129,8 @@ def _behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.flo
     if not float(seen[1]) * direction > 0.0:
         return None
     compiled.call("reset", k, 0, moved, extended, thrown)
+    if not np.any(slopes[:, changed | (thrown != moved)]):  # a counter: its function knows nothing of what is reset
+        return None
     compiled.call("event_x", k, 0, thrown, extended, seen)
     back = float(seen[0]) * direction < -near or float(seen[1]) * direction < 0.0
     return value * direction if back else None
