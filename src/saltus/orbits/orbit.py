@@ -18,7 +18,7 @@ from saltus.flow.observables import Estimate, estimate, observe
 from saltus.flow.stretch import Motion
 from saltus.maps.spectrum import count_outside, multiplicity
 from saltus.orbits.coincidences import names_at_once
-from saltus.orbits.observables.outputs import complete
+from saltus.orbits.observables.outputs import sought
 from saltus.orbits.observables.sampling import column_of, motion_of, sample_orbit
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.problem import OrbitProblem, follow_from
@@ -200,12 +200,14 @@ class PeriodicOrbit(Solution):
     @cached_property
     def min(self) -> Mapping[str, float]:
         """Least value of every state and output over the period."""
-        return checks.named_values("state or output", self._extremes(self.lows))
+        return checks.named_values("state or output", self._extremes(self._completed[0]))
 
     @cached_property
     def max(self) -> Mapping[str, float]:
         """Greatest value of every state and output over the period."""
-        return checks.named_values("state or output", self._extremes(self.highs))
+        return checks.named_values("state or output", self._extremes(self._completed[1]))
+
+    _completed = cached_property(sought)  # `lows` and `highs` with what outputs have between the places of a survey
 
     def _extremes(self, values: NDArray[np.float64]) -> dict[str, float]:
         named = zip((*self.system.all_states, *self.system.output_names), values, strict=True)
@@ -437,7 +439,7 @@ def orbit_at(
     values: NDArray[np.complex128] | None = None, fixed: Fixed | None = None,
 ) -> PeriodicOrbit:  # fmt: skip
     """Return the orbit that solves `problem` at `u`; survey and multipliers are computed unless given."""
-    survey = complete(problem, u, problem.survey(u)) if survey is None else survey
+    survey = problem.survey(u) if survey is None else survey
     values = multipliers(problem, u, J) if values is None else values
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     parameters = dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import ConvergenceError
-from saltus.orbits.observables.outputs import complete
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import RESTING
@@ -46,7 +45,7 @@ def sound_orbit(
     fixed : Fixed, optional
         The quantity that was fixed.
     """
-    survey = complete(problem, u, problem.survey(u))
+    survey = problem.survey(u)
     check_solved(problem, u, survey)
     orbit = orbit_at(problem, u, J, survey, fixed=fixed)
     if orbit.admissible and _speedless(problem, u, survey, orbit.multipliers):

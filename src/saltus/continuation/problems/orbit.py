@@ -125,6 +125,7 @@ class OrbitZeroProblem:
         names = (*problem.system.all_states, *problem.system.output_names)
         self._observables: dict[Monitor, Watched] = {}
         self._turning: dict[Monitor, str] = {}
+        self._outputs = [name[4:] for name, kind, _ in interest.events if kind[:3] in ("min", "max")]
         for i, (name, kind, value) in enumerate(interest.events):
             if value is None:
                 self._turning[Monitor("EX", i)] = name if kind == "observable" else kind
@@ -229,7 +230,7 @@ class OrbitZeroProblem:
             if (fault := solve_again(self, problem, point, point.u)) is not None:
                 return Examined({}, fault)
             survey = problem.survey(point.u)
-        survey = complete(problem, point.u, survey)
+        survey = complete(problem, point.u, survey, self._outputs)
         twice = guards.goes_twice(problem, point.u, survey)
         if before is not None and (fault := guards.residual_fault(problem, survey, point.u)) is not None:
             return Examined({}, fault)

@@ -33,7 +33,6 @@ from saltus.continuation.problems.other_values import KIND, SEVERAL, multipliers
 from saltus.continuation.problems.phase_plane import astray, depart, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.orbits.normal_forms import flip_coefficient
-from saltus.orbits.observables.outputs import complete
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
 from saltus.orbits.stability import floquet
@@ -189,8 +188,7 @@ class LocusZeroProblem:
             forced = isinstance(self.condition, Branching)  # its forcing is left as the residual
             if doubt := astray(problem, u) or (None if forced else residual_fault(problem, survey, u)):
                 return Examined({}, doubt)
-        bordered = on_border(problem, self.condition, u, survey) if isinstance(self.condition, Grazing) else survey
-        survey = complete(problem, u, bordered)
+        survey = on_border(problem, self.condition, u, survey) if isinstance(self.condition, Grazing) else survey
         # the multipliers next to a grazing vary so fast that the last Newton step shows in them
         self._J = problem.evaluate(u)[1]
         problem.prepare(u)

@@ -149,6 +149,8 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
             for side in ("min", "max"):
                 columns.pop(f"{side}_{self.system.phase[0]}")
         columns |= declared
+        if name in columns and name[:4] in ("min_", "max_") and name[4:] in curved(self.system):
+            return self._extremes(name[:3], name[4:])
         instead = f", or an observable, as in 'mean({self.quantities[0]})'"
         found: NDArray[np.float64] = columns[checks.chosen("quantity", name, columns, instead=instead)]
         return found
@@ -228,13 +230,23 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
             return None
         i = quantities.index(observable.of)
         if kind in ("min", "max"):
-            return np.array((self.lows if kind == "min" else self.highs)[:, i])
+            return self._extremes(kind, observable.of)
         if observable.of in curved(self.system):
             return None  # the survey's few places tell means of states and polynomials alone
         if kind == "mean":
             return np.array(self.means[:, i])
         harmonic = self.harmonics[:, i]
         return np.abs(harmonic) if kind == "amplitude" else angles(harmonic)
+
+    def _extremes(self, kind: str, quantity: str) -> NDArray[np.float64]:
+        """Return the least or greatest values, ``min`` or ``max``; those of outputs with peaks are sought."""
+        if quantity not in curved(self.system):
+            return np.array((self.lows if kind == "min" else self.highs)[:, self.quantities.index(quantity)])
+        if f"{kind}({quantity})" not in self._observations:
+            both = np.array([[orbit.min[quantity], orbit.max[quantity]] for orbit in self]).reshape(-1, 2)
+            for side, column in zip(("min", "max"), both.T, strict=True):
+                self._observations[f"{side}({quantity})"] = frozen(column)
+        return self._observations[f"{kind}({quantity})"]
 
     def _fractions(self, mode: int) -> NDArray[np.float64]:
         """Return the share of the period that each orbit spends in a mode."""
@@ -267,8 +279,9 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         orbit = checks.instance("point", point, SpecialPoint).orbit
         checks.text("quantity", name, "the name of a quantity")
         if name.startswith(("min_", "max_")) and name[4:] in self.quantities:
-            source = orbit.lows if name.startswith("min_") else orbit.highs
-            return float(source[self.quantities.index(name[4:])])
+            if self.system.phase is not None and name[4:] == self.system.phase[0]:
+                return float((orbit.lows if name[:3] == "min" else orbit.highs)[self.quantities.index(name[4:])])
+            return (orbit.min if name[:3] == "min" else orbit.max)[name[4:]]
         if name in self.varied or name in orbit.parameters:
             return point.value(name)
         if name == "period":

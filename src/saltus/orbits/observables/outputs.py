@@ -6,7 +6,7 @@ kinks, jumps and peaks between, which `saltus.flow.quadrature` finds.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,17 +16,21 @@ from saltus.system.enclosure import enclose, is_polynomial
 from saltus.system.once import once
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from saltus.orbits.problem import OrbitProblem
     from saltus.orbits.signature import Survey
     from saltus.system import HybridSystem
 
-__all__ = ["complete", "curved"]
+__all__ = ["complete", "curved", "sought"]
 
 
-def complete(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> Survey:
-    """Return a survey in which every output has its extremes.
+def complete(
+    problem: OrbitProblem, u: NDArray[np.float64], survey: Survey, outputs: Sequence[str] | None = None
+) -> Survey:
+    """Return a survey in which outputs have their extremes.
 
     Parameters
     ----------
@@ -36,9 +40,12 @@ def complete(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> S
         The orbit.
     survey : Survey
         That survey. It is returned as it is where its places miss nothing.
+    outputs : sequence of str, optional
+        The outputs whose extremes are wanted; by default all. The search for those of one takes longer than a survey.
     """
     system = problem.system
-    if survey.coarse or not (curved_ones := curved(system)) or not np.all(np.isfinite(u)):
+    curved_ones = [name for name in curved(system) if outputs is None or name in outputs]
+    if survey.coarse or not curved_ones or not np.all(np.isfinite(u)):
         return survey
     names = dict(zip(system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
     modes, n = np.unique(problem.modes), problem.n
@@ -56,6 +63,16 @@ def complete(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> S
         for side, sign in ((highs, 1.0), (lows, -1.0)):
             side[q] = sign * exceeded(panels, name, bounds, sign, sign * float(side[q]))
     return survey._replace(lows=lows, highs=highs)
+
+
+def sought(orbit: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return least and greatest values of states and outputs of a `PeriodicOrbit`, what its survey missed included."""
+    if not curved(orbit.system):
+        return orbit.lows, orbit.highs
+    problem = orbit.problem()
+    seen = problem.survey(orbit.unknowns)._replace(lows=orbit.lows, highs=orbit.highs)
+    found = complete(problem, orbit.unknowns, seen)
+    return found.lows, found.highs
 
 
 @once

@@ -53,9 +53,11 @@ class Quantity:
         """
         if self.kind == "period":
             return float(u[problem.n : problem.size : problem.n + 1].sum())
-        survey = complete(problem, u, problem.survey(u))
+        survey = problem.survey(u)
         if self.kind in ("observable", "formula"):
             return observe(motion_of(problem, u), (self.name,), unheard)[self.name]
+        if self.column >= problem.n:
+            survey = complete(problem, u, survey, [problem.system.output_names[self.column - problem.n]])
         if self.kind == "constant":
             return 0.5 * float(survey.lows[self.column] + survey.highs[self.column])
         return float((survey.lows if self.kind == "min" else survey.highs)[self.column])

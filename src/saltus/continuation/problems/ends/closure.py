@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.core.zero_problem import SAME, Point, ZeroProblem, correct
 from saltus.orbits.cuts import clustered
 from saltus.orbits.signature import PHASE_END
+from saltus.scales import EPS
 from saltus.system.angles import TURN, wrapped
 
 if TYPE_CHECKING:
@@ -79,10 +80,23 @@ def passes(
     ]
     if abs(periods[0] - periods[1]) > abs(periods[2] - periods[1]) + reach * periods[0]:
         return None
+    if _extends_elsewhere(problem, origin, last, new, reach):
+        return None
     for same in _phases(problem, start, last, active):
         if (met := _meets(branch, problem, same, last, new, control)) is not None:
             return met
     return None
+
+
+def _extends_elsewhere(problem: OrbitProblem, origin: Point, last: Point, new: Point, reach: float) -> bool:
+    """Return whether extremes of the start's states lie clearly outside those of a step, wherever an orbit starts."""
+    surveys: list[Any] = [getattr(point.examined.data, "survey", None) for point in (origin, last, new)]
+    if any(survey is None for survey in surveys):
+        return False
+    states = np.setdiff1d(np.arange(len(problem.system.states)), problem.system.angle_places)
+    seen = np.array([[survey.lows[states], survey.highs[states]] for survey in surveys])
+    room = np.abs(seen[2] - seen[1]) + reach * problem.state_scale[states]
+    return bool(np.any(np.abs(seen[0] - seen[1]) > room))
 
 
 def _phases(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Point, active: slice) -> Iterator[Point]:
@@ -120,23 +134,24 @@ class _Round:
     origin: Point  # its point
     like: NDArray[np.float64]  # pieces of the other one, shape (pieces, n + 1)
 
-    def at(self, share: float) -> NDArray[np.float64]:
-        """Return the full state at a share of the period; whole turns of a phase are those of as many periods."""
-        problem, (rounds, share) = self.problem, divmod(share, 1.0)
+    def at(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return full states, shape (share, n), at shares of the period; a phase has turned as often as that says."""
+        problem, (rounds, shares) = self.problem, np.divmod(shares, 1.0)
         ends = np.cumsum(self.origin.u[problem.n : problem.size : problem.n + 1])
-        piece = min(int(np.searchsorted(ends / ends[-1], share, side="right")), problem.segments - 1)
-        begin = ends[piece - 1] if piece else 0.0
-        within = (share * ends[-1] - begin) / (ends[piece] - begin)
-        x = problem.state_on(piece, clustered(min(max(float(within), 0.0), 1.0)))
+        pieces = np.minimum(np.searchsorted(ends / ends[-1], shares, side="right"), problem.segments - 1)
+        begins = np.append(0.0, ends)[pieces]
+        within = np.clip((shares * ends[-1] - begins) / (ends[pieces] - begins), 0.0, 1.0)
+        places = zip(pieces.tolist(), within.tolist(), strict=True)
+        states = np.array([problem.state_on(piece, clustered(place)) for piece, place in places])
         if problem.system.phase is not None:
-            x[-1] += 2.0 * math.pi * problem.signature.turns * rounds
-        return x
+            states[:, -1] += 2.0 * math.pi * problem.signature.turns * rounds
+        return states
 
     def begun_at(self, share: float) -> Point:
         """Return the orbit, started at a share of its period; a phase starts where it did."""
         problem, n, rows = self.problem, self.problem.n, self.like.copy()
         shares = np.cumsum(rows[:, n]) / rows[:, n].sum()
-        rows[:, :n] = [self.at(share + begin) for begin in (0.0, *shares[:-1].tolist())]
+        rows[:, :n] = self.at(share + np.append(0.0, shares[:-1]))
         if problem.system.phase is not None:
             rows[:, n - 1] += self.origin.u[n - 1] - rows[0, n - 1]
         period = float(self.origin.u[n : problem.size : n + 1].sum())
@@ -158,27 +173,27 @@ def _on_plane(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Po
     Of several crossings that nearest to the start of `last` is taken. Angles are those next to its own: along a branch
     the start moves in the plane, and may do so by turns.
     """
+    from scipy.optimize import brentq
+
     n, circles, near = problem.n, problem.system.angle_places, last.u[: problem.n]
     point, normal = problem.phase_plane[:n], problem.phase_plane[n:]
     whole = _round(problem, start, last, active)
 
-    def away(share: float) -> NDArray[np.float64]:
-        return wrapped(whole.at(share) - near, circles)
+    def away(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+        return wrapped(whole.at(shares) - near, circles)
 
     def height(share: float) -> float:
-        return float((away(share) + near - point) @ normal)
+        return float(((away(np.array([share])) + near - point) @ normal)[0])
 
     shares = np.linspace(0.0, 1.0, _SAMPLES, endpoint=False)
-    heights = np.array([height(share) for share in shares])
+    heights = (away(shares) + near - point) @ normal
     best: tuple[float, float] | None = None
     for i in np.flatnonzero((heights < 0.0) & (np.roll(heights, -1) >= 0.0)):
         low, high = float(shares[i]), float(shares[i]) + 1.0 / _SAMPLES
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if height(middle) < 0.0 else (low, middle)
-        distance = float(np.linalg.norm(away(high) / problem.state_scale))
+        share = float(brentq(height, low, high, xtol=EPS)) if height(high) > 0.0 else high
+        distance = float(np.linalg.norm(away(np.array([share]))[0] / problem.state_scale))
         if best is None or distance < best[0]:
-            best = distance, high
+            best = distance, share
     if best is not None:
         yield whole.begun_at(best[1])
 
