@@ -50,7 +50,10 @@ def curve(
     ] = None,
     plot: Annotated[Path | None, _PLOT] = None,
 ) -> None:
-    """Follow all orbits along distance or frequency: jumps, grazings, the ways in and out."""
+    """Follow all orbits along distance or frequency: jumps, grazings, the ways in and out.
+
+    An interrupt (Ctrl-C) keeps the sheets so far.
+    """
     out = _checked_out(out, plot)
     with interruptible():
         from saltus.afm.files.configuration import read_experiment
@@ -59,6 +62,9 @@ def curve(
         with bar("from afar") as progress:
             found = experiment.traced(progress)
         _write(found, out, plot)
+    if any(told.startswith("interrupted") for _, told in found.failures):
+        typer.echo("saltus: interrupted; kept the sheets so far", err=True)
+        raise SystemExit(INTERRUPTED)
 
 
 @group.command(no_args_is_help=True)
