@@ -149,10 +149,11 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
             for side in ("min", "max"):
                 columns.pop(f"{side}_{self.system.phase[0]}")
         columns |= declared
-        if name in columns and name[:4] in ("min_", "max_") and name[4:] in curved(self.system):
-            return self._extremes(name[:3], name[4:])
         instead = f", or an observable, as in 'mean({self.quantities[0]})'"
-        found: NDArray[np.float64] = columns[checks.chosen("quantity", name, columns, instead=instead)]
+        known = checks.chosen("quantity", name, columns, instead=instead)
+        if known[:4] in ("min_", "max_") and known[4:] in curved(self.system):
+            return self._extremes(known[:3], known[4:])
+        found: NDArray[np.float64] = columns[known]
         return found
 
     def observe(self, *names: str, errors: bool = False) -> xr.Dataset:
