@@ -206,3 +206,21 @@ def test_all_changes_in_communities_of_species_are_found(communities, seed, larg
         wanted = sorted((mu, change) for change, mu in changes_of(a, r, g, there))
         assert [change for _, change in told] == [change for _, change in wanted], (n, i)
         np.testing.assert_allclose([mu for mu, _ in told], [mu for mu, _ in wanted], atol=1e-8)
+
+
+def test_a_species_that_passes_its_threshold_keeps_the_size_of_its_growth(communities):
+    """A branch point and a Hopf point lie within 0.0003: one step of 0.3 passes both."""
+    n, rng = 5, np.random.default_rng([2, 77, 5, 35])
+    a, r, g = rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=n)
+    a[np.diag_indices(n)] = rng.uniform(0.7, 2.0, n)
+    there = np.flatnonzero(rng.random(n) < 0.6)
+    p = {f"a{k}_{j}": a[k, j] for k in range(n) for j in range(n)}
+    p |= {f"r{k}": r[k] for k in range(n)} | {f"g{k}": g[k] for k in range(n)}
+    x = np.zeros(n)
+    x[there] = np.linalg.solve(a[np.ix_(there, there)], (r + 0.1 * g)[there])
+    rest = saltus.find_equilibrium(communities(n), p, x)
+    branch = saltus.continue_equilibrium(rest, "mu", (-2.0, 2.0), steps=saltus.StepControl(largest=0.3))
+    told = [(point.parameters["mu"], 2 if point.type == "HB" else 1) for point in branch.special_points]
+    wanted = [(mu, change) for change, mu in changes_of(a, r, g, there)]
+    np.testing.assert_allclose(told, wanted, rtol=0.0, atol=1e-9)
+    assert branch.audit.passed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -14,7 +14,7 @@ from saltus import checks
 from saltus.algebraic.solution import AlgebraicSolution, Packed
 from saltus.contents import Contents
 from saltus.equilibria.problem import EquilibriumProblem
-from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of, multiplicity, sized_eigenvalues
+from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of, multiplicity, sized_eigenvalues, terms_at
 from saltus.result import frozen
 from saltus.scales import SEPARATED
 from saltus.system import HybridSystem
@@ -118,8 +118,11 @@ class Equilibrium(AlgebraicSolution):
         sizes = np.full(self.eigenvalues.size, float(np.abs(self.eigenvalues).max(initial=0.0)))
         if float(np.abs(self.eigenvalues).min(initial=np.inf)) >= SEPARATED * sizes.max(initial=0.0):
             return sizes
-        A = self.problem().evaluate(self.state)[1]
-        values, found = sized_eigenvalues(A) if np.all(np.isfinite(A)) else (self.eigenvalues, sizes)
+        problem = self.problem()
+        A = problem.evaluate(self.state)[1]
+        if not np.all(np.isfinite(A)):
+            return sizes
+        values, found = sized_eigenvalues(A, partial(terms_at, problem, self.state))
         return found if values.size == self.eigenvalues.size else sizes
 
     @property

@@ -23,7 +23,7 @@ from saltus.continuation.core.zero_problem import Event, Examined, Point, hermit
 from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.problems.point_data import PointData, has_pair, searched_by_size
 from saltus.continuation.problems.watching import slope
-from saltus.equilibria.spectrum import FAINT, multiplicity, pair_product, sized_eigenvalues, unstable_count
+from saltus.equilibria.spectrum import FAINT, multiplicity, pair_product, sized_eigenvalues, terms_at, unstable_count
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class AlgebraicZeroProblem:
 
     def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> PointData:
         """Return the data of a point."""
-        values, sizes = sized_eigenvalues(J[:, : self.n])
+        values, sizes = sized_eigenvalues(J[:, : self.n], partial(terms_at, self.problem, u))
         return PointData(values, unstable_count(values, sizes), sizes, self.reasons(u))
 
     def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
@@ -153,7 +153,7 @@ class AlgebraicZeroProblem:
         A = self.problem.evaluate(u)[1][:, : self.n]
         if not np.all(np.isfinite(A)):
             return np.full(self.n, math.nan + 0j), np.ones(self.n)
-        return sized_eigenvalues(A)
+        return sized_eigenvalues(A, partial(terms_at, self.problem, u))
 
     def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return eigenvalues or multipliers; NaN where the Jacobian is not finite."""

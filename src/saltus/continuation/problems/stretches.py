@@ -18,7 +18,7 @@ from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import Examined, Point, cubic
 from saltus.continuation.problems.point_data import PointData
-from saltus.equilibria.spectrum import FAINT, NEUTRAL, sized_eigenvalues
+from saltus.equilibria.spectrum import FAINT, NEUTRAL, sized_eigenvalues, terms_at
 from saltus.scales import SEPARATED
 
 if TYPE_CHECKING:
@@ -136,7 +136,8 @@ class Stretch:
         """Return at which points some values are so slow that they have sizes of their own."""
         found = np.abs(self.values).min(axis=1, initial=np.inf) < SEPARATED * self.top
         for i in np.flatnonzero(found).tolist():
-            found[i] = bool(np.ptp(sized_eigenvalues(self._jacobians[i, :, :-1])[1]) > 0.0)
+            terms = partial(terms_at, self._problem, self._points[i, 0])
+            found[i] = bool(np.ptp(sized_eigenvalues(self._jacobians[i, :, :-1], terms)[1]) > 0.0)
             if found[i]:
                 break  # no point behind it is kept
         return np.asarray(found)
