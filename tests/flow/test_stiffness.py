@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from saltus import Average, HybridSystem, Mode, Transition, find_orbit, load, lyapunov_spectrum, run_sweep, simulate
-from saltus.errors import ConvergenceError, StiffnessError
+from saltus.errors import ConvergenceError
 from saltus.flow import radau
 from saltus.flow.stiffness import may_be_implicit
 from saltus.options import SweepOptions
