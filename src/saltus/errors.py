@@ -221,17 +221,26 @@ class StiffnessError(_MotionError):
         Steps spent.
     hint : str, optional
         What to try.
+    stiff : bool, optional
+        Whether stability, not accuracy, holds the steps. Without it the limit of work is all that is told.
 
     Examples
     --------
     >>> from saltus.errors import StiffnessError
     >>> error = StiffnessError(0.5, [1.0], "smooth", 1000)
-    >>> error.steps, error.time
-    (1000, 0.5)
+    >>> error.steps, error.time, error.stiff
+    (1000, 0.5, False)
     """
 
-    def __init__(self, time: float, state: Iterable[float], mode: str, steps: int, hint: str = "") -> None:
-        super().__init__(time, state, mode, steps, hint)
+    def __init__(
+        self, time: float, state: Iterable[float], mode: str, steps: int, hint: str = "", stiff: bool = False
+    ) -> None:
+        super().__init__(time, state, mode, steps, hint, stiff)
+
+    @property
+    def stiff(self) -> bool:
+        """Whether stability, not accuracy, holds the steps."""
+        return bool(self.args[5])
 
     @property
     def steps(self) -> int:
@@ -239,11 +248,11 @@ class StiffnessError(_MotionError):
         return int(self.args[3])
 
     def __str__(self) -> str:
-        time, state, mode, steps, hint = self.args
-        text = (
-            f"{steps} steps took the motion only to t = {time:.6g}, mode {mode!r}, state {list(state)}: "
-            "it is stiff there, or its period is very long against its fastest time scale"
-        )
+        time, state, mode, steps, hint, stiff = self.args
+        held = "it is stiff there: stability holds its steps, not accuracy"
+        if not stiff:
+            held = "a limit of work: its fastest time scale is very short against what is asked"
+        text = f"{steps} steps took the motion only to t = {time:.6g}, mode {mode!r}, state {list(state)}: {held}"
         return text + (f"; {hint}" if hint else "")
 
 

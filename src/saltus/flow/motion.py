@@ -116,6 +116,7 @@ class EventDrivenMotion:
         # the time of an explicit step before implicit ones, and the steps behind which these are thought of again
         self._implicit, self._explicit, self._again = False, 0.0, 0.0
         self.implicit_steps = 0  # of the steps that are kept
+        self.stiff = False  # whether stability, not accuracy, holds its steps, where they were last looked at
         self.least_decay = 0.0  # rate of decay below which steps stay explicit, however many
         self.slopes, self.size, self._guess = np.zeros(16 * n), np.abs(x), np.zeros(14 * n)
         if system.phase is not None:
@@ -262,7 +263,7 @@ class EventDrivenMotion:
     def too_stiff(self) -> StiffnessError:
         """Return the error of a motion that takes too many steps, with the fastest rate at its state."""
         hint = fastest_in_words(self.system.compiled, self.mode, self.x, self.p, len(self.system.states))
-        return StiffnessError(self.time, self.x, self.system.mode_names[self.mode], self.tries, hint)
+        return StiffnessError(self.time, self.x, self.system.mode_names[self.mode], self.tries, hint, self.stiff)
 
     def _choose_steps(self) -> None:
         """Go on by implicit steps where stability limits explicit ones; go back where they are not worth their time."""
@@ -282,6 +283,7 @@ class EventDrivenMotion:
             compiled, count = self.system.compiled, len(self.system.states)
             modes = range(len(self.system.modes))
             self._implicit = fast and all(may_be_implicit(compiled, mode, self.x, self.p, count) for mode in modes)
+            self.stiff = fast and not self._implicit
             self._explicit = pace
             self._again = 0.0 if self._implicit else 1.5 * self.tries
         if self._implicit != before:

@@ -12,13 +12,16 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ConvergenceError, DefinitionError, InputError, SaltusError, StiffnessError
 from saltus.flow.landings import warn_of
+from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.shares import limit_of
-from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_way
+from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, Sizes, sizes_along, sizes_on_the_way
+from saltus.flow.starting import phase_rate
 from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.maps.solve import find_map_orbit
 from saltus.orbits.drift import drift_of, drift_of_samples
 from saltus.orbits.guesses import check_states
+from saltus.orbits.naming import UNSETTLED, Unsettled, kind_in_words, plane_returns
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.pieces import in_pieces
 from saltus.orbits.rounds import shortest
@@ -46,6 +49,8 @@ _EVENTS = 40  # transitions of each kind after which it is first looked at
 _FAR = 0.1  # largest distance of a motion from the orbit on which it settles, in the states' sizes
 _NOTHING = 1e-15  # size of a state, over the largest that the search has seen, below which it is at rest
 
+
+_UNKNOWN = f"{UNSETTLED.format(longest=_LONGEST)}: then settle= allows more returns; see it with simulate"
 
 _Wanted: TypeAlias = tuple[float, float]  # tolerance of the orbit's steps, and size that diverges
 
@@ -114,10 +119,10 @@ def find_orbit(
     InputError
         A start or an option that cannot be used; as a `DefinitionError`, the orbit passes a jump of a mode's field.
     ConvergenceError
-        The motion does not become periodic: it is quasi-periodic, chaotic, or has a period above 16; or it comes to
-        rest, and where is said.
+        The motion does not become periodic: it is quasi-periodic or chaotic, with the leading Lyapunov exponent, has a
+        period above 16, or settles slowly. Or it comes to rest, and where is said.
     StiffnessError
-        The steps that `settle` allows do not reach so many periods.
+        The steps that `settle` allows do not reach so many periods, and too few of them to tell what the motion is.
     ChatteringError, DivergenceError
         As `simulate`.
     MapDivergenceError
@@ -168,7 +173,7 @@ def _found(
             orbit = in_pieces(search(system, p, x, start, longest, (tol, limit)))
     except StiffnessError as error:
         hint = f"settle= allows {_STEPS} steps for each period" + (f"; {error.args[4]}" if error.args[4] else "")
-        raise StiffnessError(error.time, error.state, error.mode, error.steps, hint) from None
+        raise StiffnessError(error.time, error.state, error.mode, error.steps, hint, error.stiff) from None
     if any(passed_event(system, system.mode_index(part.mode), part.state, p) for part in orbit.segments):
         warn_of(orbit.landings_beyond)
     return orbit
@@ -187,32 +192,27 @@ def _found_map_orbit(
 def _search_forced(
     system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, wanted: _Wanted
 ) -> PeriodicOrbit:
-    from saltus.flow.motion import EventDrivenMotion, start_state
-
     (tol, limit), done, batch, recurrence, atol = wanted, 0, 40, math.inf, ATOL
-    failure = ""
+    failure, ended = "", None
     # the first look takes its periods, however few `settle` asks for
     spent, most = 0, int(_STEPS * max(longest, batch + 2 * _LONGEST + 1))
-    floor = np.zeros(x.size)
-    while done < longest:
+    floor, size, period = np.zeros(x.size), np.ones(x.size), 2.0 * math.pi / phase_rate(system, p, x, mode)
+    while done < longest and ended is None:
         kept = STEPS_KEPT if done == 0 else 0
-        run = EventDrivenMotion(
-            system, p, start_state(system, x), mode, RTOL, atol, steps_kept=kept, most_steps=most - spent, limit=limit
-        )
-        if done == 0:  # a motion that dies away has no size of its own
-            floor = _NOTHING * sizes_on_the_way(run, 2.0 * math.pi / run.rate).of_states
-        run.follow(math.inf, batch, None, keep=False)
-        seen = EventDrivenMotion(
-            system,
-            p,
-            start_state(system, run.x),
-            run.mode,
-            RTOL,
-            atol,
-            most_steps=most - spent - run.tries,
-            limit=limit,
-        )
-        seen.follow(math.inf, 2 * _LONGEST + 1, _MOST_EVENTS)
+        runs = [_begun(system, p, x, mode, (atol, limit), most - spent, kept)]
+        try:
+            if done == 0:  # a motion that dies away has no size of its own
+                size = sizes_on_the_way(runs[0], period).of_states
+                floor = _NOTHING * size
+            runs[0].follow(math.inf, batch, None, keep=False)
+            runs.append(_begun(system, p, runs[0].x, runs[0].mode, (atol, limit), most - spent - runs[0].tries))
+            runs[1].follow(math.inf, 2 * _LONGEST + 1, _MOST_EVENTS)
+        except StiffnessError as error:
+            ended = error
+            done, spent = done + sum(run.wraps for run in runs), spent + sum(run.tries for run in runs)
+            x, mode = wrapped(runs[-1].x, system.angle_places), runs[-1].mode
+            break
+        run, seen = runs
         log = event_log(seen)
         done += batch + 2 * _LONGEST + 1
         spent += run.tries + seen.tries
@@ -221,10 +221,10 @@ def _search_forced(
             hint = f"{_MOST_EVENTS} transitions happen in {wraps.size} periods"
             raise ConvergenceError("periodic attractor", recurrence, done, hint, unit="forcing periods")
         states, places = log.x_after[wraps][:, :-1], system.angle_places
-        sizes = sizes_along(system, p, log.x_end, log.mode_end, 2.0 * math.pi / seen.rate, atol)
+        sizes = sizes_along(system, p, log.x_end, log.mode_end, period, atol)
         floor = np.maximum(floor, _NOTHING * sizes.of_states)
         sizes = sizes.at_least(floor)
-        scale, atol = sizes.of_gaps[:-1], sizes.atol
+        scale, atol, size = sizes.of_gaps[:-1], sizes.atol, sizes.of_states
         for turns in range(1, _LONGEST + 1):
             gap = float(np.max(np.abs(wrapped(states[turns:] - states[:-turns], places)) / scale))
             recurrence = min(recurrence, gap)
@@ -245,11 +245,24 @@ def _search_forced(
             raise ConvergenceError("periodic attractor", recurrence, done, drift, unit="forcing periods")
         x, mode = wrapped(log.x_end, places), log.mode_end
         batch *= 2
-    hint = failure or (
-        "the motion is quasi-periodic or chaotic, or its period is above 16, or it settles slowly: then settle= "
-        "allows more periods; see it with simulate"
+    steps = spent / max(done, 1)
+    motion = Unsettled(
+        system, p, x, mode, atol, size, period, min(longest, most / steps) if done else 0.0, _LONGEST, steps, limit
     )
-    raise ConvergenceError("periodic attractor", recurrence, done, hint, unit="forcing periods")
+    words = kind_in_words(motion, slow=not failure) or failure
+    if ended is not None and not words:
+        raise ended
+    raise ConvergenceError("periodic attractor", recurrence, done, words or _UNKNOWN, unit="forcing periods")
+
+
+def _begun(
+    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, within: _Wanted, steps: int,
+    kept: int = 0,
+) -> EventDrivenMotion:  # fmt: skip
+    """Return a motion under way, with an absolute tolerance, a size that diverges, and a limit of steps."""
+    atol, limit = within
+    start = start_state(system, x)
+    return EventDrivenMotion(system, p, start, mode, RTOL, atol, steps_kept=kept, most_steps=steps, limit=limit)
 
 
 def _reach(orbit: PeriodicOrbit, gap: float) -> float:
@@ -314,7 +327,7 @@ def _search_autonomous(
                 hint = f"the motion comes to rest in mode {system.mode_names[mode]!r} at {where}, an equilibrium"
                 gap = float(np.max(np.abs(seen.log.x_end - rest) / sizes.of_states))
                 raise ConvergenceError("periodic attractor", gap, spent, hint, unit="steps")
-            returns = _returns(system, p, seen, sizes.of_gaps)
+            returns = plane_returns(system, p, seen, sizes.of_gaps)
             done += returns.size * (1.0 + gone.tries / seen.tries)
             found = _read_smooth(seen, returns, sizes.of_gaps, places)
             drift = drift_of_samples(system, seen.states, sizes.of_gaps)
@@ -336,13 +349,29 @@ def _search_autonomous(
             raise ConvergenceError("periodic attractor", recurrence, int(done), drift, unit="returns")
         x, mode = wrapped(seen.log.x_end, places), seen.log.mode_end
         batch *= 2
-    hint = failure or (
-        "the motion is quasi-periodic or chaotic, or it settles slowly: then settle= allows more returns; see it with "
-        "simulate"
-    )
-    if not failure and done < longest:
-        hint = f"{spent} steps are all that settle allows; the motion is stiff, or hardly returns; pass settle="
+    motion = _unsettled(system, p, seen, sizes, limit, longest)
+    hint = kind_in_words(motion, slow=not failure) or failure or _UNKNOWN
+    if hint == _UNKNOWN and done < longest:
+        held = "it is stiff there: stability holds its steps" if seen.stiff else "a limit of work: it hardly returns"
+        hint = f"{spent} steps are all that settle allows, {held}; pass a larger settle="
     raise ConvergenceError("periodic attractor", recurrence, int(done), hint, unit="returns")
+
+
+def _unsettled(
+    system: HybridSystem, p: NDArray[np.float64], seen: Stretch, sizes: Sizes, limit: float, longest: float
+) -> Unsettled:
+    """Return an autonomous motion on which no orbit was found, by its last stretch."""
+    if seen.events:
+        which, counts = np.unique(seen.log.transition, return_counts=True)
+        transition, count = int(which[np.argmax(counts)]), int(counts.max())
+    else:
+        transition, count = -1, plane_returns(system, p, seen, sizes.of_gaps).size
+    x, mode = wrapped(seen.log.x_end, system.angle_places), seen.log.mode_end
+    time, steps = seen.log.t_end / max(count, 1), seen.tries / max(count, 1)
+    left = min(longest, _STEPS * longest / steps) if count else 0.0
+    return Unsettled(
+        system, p, x, mode, sizes.atol, sizes.of_states, time, left, _LONGEST, steps, limit, transition
+    )  # fmt: skip
 
 
 def _read_autonomous(
@@ -366,20 +395,6 @@ def _read_autonomous(
     events = np.arange(count - length, count)
     period = float(log.time[-1] - log.time[-1 - length])
     return *cycle_of(log, events, period, None, 0), gap
-
-
-def _returns(
-    system: HybridSystem, p: NDArray[np.float64], seen: Stretch, scale: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the times at which a motion without events comes back to the plane across it where it starts."""
-    x = seen.states[0]
-    slope = system.compiled.field(seen.mode, np.ascontiguousarray(x), p) / scale
-    away = seen.states - x
-    away[:, system.angle_places] = np.sin(away[:, system.angle_places])
-    across = (away / scale) @ slope
-    crossing = np.flatnonzero((across[:-1] < 0.0) & (across[1:] >= 0.0))
-    share = -across[crossing] / (across[crossing + 1] - across[crossing])
-    return np.asarray(seen.times[crossing] + share * (seen.times[crossing + 1] - seen.times[crossing]))
 
 
 def _read_smooth(

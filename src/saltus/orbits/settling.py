@@ -42,6 +42,7 @@ class Stretch:
     steps: tuple[NDArray[np.float64], ...]
     times: NDArray[np.float64]  # shape (sample,): times of samples, some to a step
     states: NDArray[np.float64]  # shape (sample, all states): full states then
+    stiff: bool  # whether stability, not accuracy, held its steps
 
     def at(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return full states at times of the stretch, shape (time, all states)."""
@@ -78,7 +79,7 @@ def follow(
         share = (np.arange(at.size) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[at]
         times = np.append(spans[at, 0] + share * spans[at, 1], run.time)
         states = np.vstack([dense_states(starts[at], dense[at], share), run.x])
-    return Stretch(mode, event_log(run), run.events_passed, run.tries, steps, times, states)
+    return Stretch(mode, event_log(run), run.events_passed, run.tries, steps, times, states, run.stiff)
 
 
 def _turning_time(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, turns: int) -> float:
