@@ -150,7 +150,8 @@ def continue_locus(
     checks.chosen("directions", directions, ("both", "up", "down"))
     asked = Asked(control, directions, read_stops(stop_at, run.points()), reporter)
     with one_thread(len(solution.system.states)):
-        return audited(run(point, solution, kind, plane, asked).locus())  # type: ignore[no-any-return]
+        following = run(point, solution, kind, plane, asked)
+        return audited(following.locus(), following.remarks)  # type: ignore[no-any-return]
 
 
 def _type_of(point: SpecialPoint[Any] | None, solution: Any, run: type[TwoParameterRun], given: str | None) -> str:

@@ -201,6 +201,8 @@ def _parameter(point: SpecialPoint) -> tuple[int, float]:
 
 def doubled_orbit(point: SpecialPoint, level: int = 0) -> PeriodicOrbit:
     """Return the orbit of doubled period beside a period doubling, the `level`-th of a cascade, counted from 0."""
+    if point.tangent is not None:  # of the drive's period, which is a part of a turn: a branch point of the turn's map
+        return _other(point)
     orbit = point.orbit
     problem, u = orbit.problem(), orbit.unknowns
     q = null_vectors(problem, u, problem.resolve(u)[1], -1.0)[0].real

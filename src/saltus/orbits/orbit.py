@@ -22,7 +22,7 @@ from saltus.orbits.observables.outputs import sought
 from saltus.orbits.observables.sampling import column_of, motion_of, sample_orbit
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.problem import OrbitProblem, follow_from
-from saltus.orbits.rounds import repeats_of, rounds_of
+from saltus.orbits.rounds import drive_text, repeats_of, rounds_of
 from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, events_between, path_of, signature_from
 from saltus.orbits.stability.floquet import multipliers, multipliers_by_order, nontrivial, unstable_count
 from saltus.orbits.unfolding import Fixed, read_fixed
@@ -420,7 +420,7 @@ class PeriodicOrbit(Solution):
             kind += f", not admissible ({'; '.join(self.reasons)})"
         turns = f" = {self.form.turns} forcing period{'s' if self.form.turns > 1 else ''}" if self.form.turns else ""
         rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
-        faster = f", in which the motion repeats itself {self.repeats} times, as its drive does" * (self.repeats > 1)
+        faster = drive_text(self.system, self.repeats)
         fixed = "" if self.fixed is None else f"  fixed       {self.fixed}\n"
         at_once = "".join(f"  at once     {', '.join(names)}\n" for names in self.coincidences)
         steps = "  flow        stiff, by implicit steps\n" if self.implicit else ""

@@ -12,14 +12,16 @@ from saltus.orbits.exactness import computed_finer, point_errors
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.scales import FINEST, ROUNDED_ROUNDS, ROUNDS_ALIKE, Verdict, same
 from saltus.system.angles import wrapped
+from saltus.system.harmonics import drive_repeats
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.orbits.problem import OrbitProblem
     from saltus.orbits.signature import Survey
+    from saltus.system import HybridSystem
 
-__all__ = ["divided", "repeats_of", "rounds_of", "shortest"]
+__all__ = ["divided", "drive_text", "repeats_of", "rounds_of", "shortest"]
 
 _LOOKS = 8  # places in each part of a period at which states are compared
 _LIKELY = 4  # primes by which a phase may be faster than its drive
@@ -82,6 +84,15 @@ def repeats_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
         while _repeats(problem, blocks, count * prime, known):
             count *= prime
     return count
+
+
+def drive_text(system: HybridSystem, repeats: int) -> str:
+    """Return words for an orbit that repeats several times while the phase turns once; none for others."""
+    count = 1 if repeats == 1 or system.phase is None else drive_repeats(system)
+    told = f", in which the motion repeats itself {repeats} times, as its drive does" * (repeats > 1)
+    return (
+        f"{told}; the drive repeats {count} times per turn of {system.phase[0]}" if count > 1 and system.phase else told
+    )
 
 
 def _repeats(problem: OrbitProblem, blocks: NDArray[np.float64], count: int, known: NDArray[np.float64]) -> bool:

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.signs import changed_signs
+from saltus.continuation.core.verdicts import CROWDED
 from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, hermite
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["CROWDED", "events_between", "locate"]
+__all__ = ["events_between", "locate"]
 
-CROWDED = 1e-5  # arclength of a step up to which several events may lie in it
 _ZERO = 1e-6  # monitor function at an event, over its values at the step's ends, up to which its sign is rounding
 _JUMP = 1e-3  # monitor function at a located zero, over its values at the step's ends, beyond which it is a jump
 _SETTLED = 1e-9  # largest relative Newton step of a located point
@@ -31,12 +32,9 @@ _EXACT = 1e-11  # monitor function, over its values at the step's ends, that cou
 
 def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
     """Return the zeros of monitor functions between two examined points, or the reason why the step is rejected."""
-    changed = {}
-    before = a.examined.monitors
-    for name, value in b.examined.monitors.items():
-        old = before.get(name, math.nan)
-        if ((old < 0.0) != (value < 0.0) or value == 0.0) and old != 0.0 and math.isfinite(old + value):
-            changed[name] = (old, value)
+    changed = changed_signs(problem, a, b)
+    if isinstance(changed, str):
+        return changed
     if not changed:
         return []
     events: list[Event] = []
@@ -49,7 +47,7 @@ def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | st
             b.arc - a.arc > CROWDED and not any(event.name in problem.singular for event in events)
         ):
             return f"location: no zero of {name} between the step's ends"
-        elif _happens(problem, name, a, b):  # located well or not
+        elif _happens(problem, name, a, b, *changed[name]):  # located well or not
             events.append(_between(name, a, b, *changed[name]))
     kept = problem.sort_out(sorted(events, key=lambda event: event.point.arc))
     if isinstance(kept, str):
@@ -78,7 +76,7 @@ def _runs_out(name: Any, old: float, value: float) -> bool:
     return isinstance(name, Monitor) and name.kind == "duration" and old > 0.0 > value
 
 
-def _happens(problem: ZeroProblem, name: Any, a: Point, b: Point) -> bool:
+def _happens(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float) -> bool:
     """Return whether an event lies in a short step without doubt.
 
     It does at a bound, where a function that has no poles changes its sign, and at a meeting that changes stability.
@@ -86,7 +84,25 @@ def _happens(problem: ZeroProblem, name: Any, a: Point, b: Point) -> bool:
     if _certain(problem, name) or (isinstance(name, Monitor) and name.kind in ("low", "high")):
         return True
     counts = [getattr(point.examined.data, "unstable", None) for point in (a, b)]
-    return name in problem.singular and None not in counts and counts[0] != counts[1]
+    meets = name in problem.singular and None not in counts and counts[0] != counts[1]
+    return meets and not _has_pole(problem, name, a, b, fa, fb)
+
+
+def _has_pole(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float) -> bool:
+    """Return whether a monitor function changes its sign at a pole, as where the equations are 0/0.
+
+    On its way to a zero a function is less than at the nearer end, where a line through both ends vanishes too. On its
+    way to a pole it is greater everywhere in between.
+    """
+    from saltus.system.numba_tools.linear import bordered
+
+    share, length = fa / (fa - fb), b.arc - a.arc
+    u, tangent = hermite(a, b, length, share), _hermite_slope(a, b, length, share)
+    tangent /= math.sqrt(float(a.weights @ tangent**2))
+    F, J = problem.evaluate(u)
+    sign, log = bordered(J, F, a.weights * tangent, u, u, problem.scale())[1:3]
+    value = problem.monitor(name, replace(b, u=u, J=J, tangent=tangent, sign=sign, log=log))
+    return not abs(value) < min(abs(fa), abs(fb))
 
 
 def _certain(problem: ZeroProblem, name: Any) -> bool:

@@ -52,6 +52,7 @@ class ZeroProblem(Protocol):
 
     Monitor functions have names that are hashable and have a text. A problem may have a method ``corrected`` besides,
     with the arguments of `correct`: what that returns in compiled code, or None where there is no such code.
+    It may have a method ``error``: how far a monitor function, given its name, may be wrong at an examined point.
 
     Attributes
     ----------
@@ -119,6 +120,8 @@ class Examined:
     doubled: frozenset[Any] = frozenset()
     # names of those that are known to vanish once at most in the step to the point
     once: frozenset[Any] = frozenset()
+    # names of those whose sign is that of a point before, as they are within their errors since then
+    carried: frozenset[Any] = frozenset()
 
 
 @dataclass(eq=False)

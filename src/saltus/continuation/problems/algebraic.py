@@ -20,6 +20,7 @@ from saltus.continuation.core.value_tests import Tested, border_tests
 from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
+from saltus.continuation.problems.errors import algebraic_error
 from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.problems.point_data import PointData, has_pair, searched_by_size
 from saltus.continuation.problems.watching import slope
@@ -76,6 +77,7 @@ class AlgebraicZeroProblem:
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
     continuous: tuple[str, ...] = ()
+    error = algebraic_error
     critical: ClassVar[tuple[str, ...]] = ("SN", "BP", "HB")  # kinds of monitor functions at whose zeros it bifurcates
     single: ClassVar[tuple[str, ...]] = ("SN", "BP")  # those at which one value becomes critical
     paired: ClassVar[Monitor] = _HB  # that at which a pair of them does

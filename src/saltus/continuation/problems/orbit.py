@@ -19,6 +19,7 @@ from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolv
 from saltus.continuation.problems import guards
 from saltus.continuation.problems.changes import limits_of_multipliers
 from saltus.continuation.problems.doubts import DOUBT, search_between
+from saltus.continuation.problems.errors import orbit_error
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.orbit_data import OrbitData
@@ -93,6 +94,7 @@ class OrbitZeroProblem:
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
     continuous: tuple[str, ...] = ()
+    error = orbit_error
     further = 0  # unknowns between those of the orbit and the varied one
     active_at: slice | None = None  # where among the unknowns the active parameters are, if not at their end
     neutral = False  # whether multipliers lie on the unit circle all along, as in a conservative system

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.core.locating import CROWDED
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.value_tests import Tested, border_tests, bounded, circle_tests
+from saltus.continuation.core.verdicts import CROWDED
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import SAME, Event, Point, hermite
 from saltus.orbits.stability.floquet import height

@@ -55,6 +55,8 @@ class Audit:
         In order along the curve for each check.
     checked : tuple of (str, int)
         Each check, with the number of places where it could tell. Empty where no audit was made, as in older files.
+    remarks : tuple of str
+        Where the equations degenerate, so that a point has no name there. Nothing contradicts.
 
     Examples
     --------
@@ -67,6 +69,7 @@ class Audit:
 
     breaches: tuple[Breach, ...] = ()
     checked: tuple[tuple[str, int], ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -76,7 +79,8 @@ class Audit:
     def as_list(self) -> list[Any]:
         """Return the audit as plain data, for files."""
         found = [[breach.check, breach.text, breach.position, list(breach.values)] for breach in self.breaches]
-        return [found, [list(row) for row in self.checked]]
+        kept = [list(self.remarks)] if self.remarks else []
+        return [found, [list(row) for row in self.checked], *kept]
 
     @classmethod
     def from_list(cls, data: Sequence[Any]) -> Audit:
@@ -97,19 +101,21 @@ class Audit:
             It describes none.
         """
         try:
-            breaches, checked = data
+            breaches, checked, *kept = data
+            remarks = [str(text) for row in kept for text in row]
             found = tuple(
                 Breach(str(check), str(text), float(position), tuple(float(value) for value in values))
                 for check, text, position, values in breaches
             )
-            return cls(found, tuple((str(name), int(count)) for name, count in checked))
+            return cls(found, tuple((str(name), int(count)) for name, count in checked), tuple(remarks))
         except (TypeError, ValueError) as error:
             raise InputError("attribute 'audit'", data, "breaches and checks, as an audit writes them") from error
 
     def lines(self) -> list[str]:
-        """Return a line for each breach; those behind the first ones are counted."""
+        """Return a line for each breach and each remark; breaches behind the first ones are counted."""
         rest = len(self.breaches) - _SHOWN
-        return [repr(breach) for breach in self.breaches[:_SHOWN]] + ([f"{rest} more"] if rest > 0 else [])
+        shown = [repr(breach) for breach in self.breaches[:_SHOWN]] + ([f"{rest} more"] if rest > 0 else [])
+        return [*shown, *(f"degenerate, {text}" for text in self.remarks)]
 
     def __repr__(self) -> str:
         if not self.checked:

@@ -6,6 +6,7 @@ docs/theory/continuation.md, "The audit", derives the checks. A check that canno
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -18,7 +19,7 @@ from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.liouville import liouville
 from saltus.continuation.results.stability_ledger import contradicted_labels, critical_rows, unexplained
 from saltus.errors import SaltusError
-from saltus.scales import EPS, LOCATED, Verdict, same, zero
+from saltus.scales import EPS, LOCATED, Verdict, followed, same, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,10 +36,10 @@ _ROW = 3  # consecutive points that lie on an earlier part of a curve
 _CHUNK = 256  # points that are looked at together
 
 
-def audited(curve: Curve) -> Curve:
-    """Return a curve with its audit."""
+def audited(curve: Curve, remarks: Sequence[str] = ()) -> Curve:
+    """Return a curve with its audit, and what its run remarks on places where the equations degenerate."""
     if len(curve) < 2:
-        return replace(curve, audit=Audit((), (("forward", 0),)))
+        return replace(curve, audit=Audit((), (("forward", 0),), tuple(remarks)))
     seen = _Seen.of(curve)
     told = {
         "forward": _forward(seen),
@@ -50,7 +51,8 @@ def audited(curve: Curve) -> Curve:
     breaches = [
         Breach(name, text, place, _values_at(seen, place)) for name, (found, _) in told.items() for place, text in found
     ]
-    return replace(curve, audit=Audit(tuple(breaches), tuple((name, count) for name, (_, count) in told.items())))
+    checked = tuple((name, count) for name, (_, count) in told.items())
+    return replace(curve, audit=Audit(tuple(breaches), checked, (*remarks, *_families(seen))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +71,12 @@ class _Seen:
         own = [*curve.extremes, *(np.reshape(column, (len(curve), -1)) for column in _further(curve))]
         table = np.hstack(own)
         table = table[:, np.all(np.isfinite(table), axis=0)]
-        ranges, sizes = np.ptp(table, axis=0), np.abs(table).max(axis=0, initial=0.0)
-        kept = ranges > LOCATED * sizes
-        rounding = LOCATED * 1e-2 * np.ptp(values, axis=0) + 16.0 * EPS * np.abs(values).max(axis=0)
+        ranges = np.ptp(table, axis=0)
+        kept = ranges > LOCATED * np.abs(table).max(axis=0, initial=0.0)
+        # what is left of the equations' error moves the parameters, in units of their intervals
+        solved = followed(curve.tolerance) if hasattr(curve, "tolerance") else 16.0 * EPS
+        sizes = np.maximum(np.abs(values).max(axis=0), _intervals(curve))
+        rounding = LOCATED * 1e-2 * np.ptp(values, axis=0) + solved * sizes
         closed = any("closed" in reason for reason in curve.stopped)
         return cls(curve, values, rounding, table[:, kept] / ranges[kept], closed)
 
@@ -80,6 +85,14 @@ class _Seen:
         moves = np.diff(self.values[:, k])
         moving = np.flatnonzero(np.abs(moves) > self.rounding[k]).tolist()
         return [(i, j + 1) for i, j in pairwise(moving) if moves[i] * moves[j] < 0.0]
+
+
+def _intervals(curve: Any) -> NDArray[np.float64]:
+    """Return the widths of the intervals of the parameters, shape (parameter,); 0 where there is none."""
+    bounds = curve.options.get("bounds", ())
+    listed = [bounds.get(name, ()) for name in curve.varied] if isinstance(bounds, Mapping) else [bounds]
+    widths = np.array([np.ptp(pair) if len(pair) == 2 else 0.0 for pair in listed])
+    return np.where(np.isfinite(widths), widths, 0.0)
 
 
 def _further(curve: Any) -> list[NDArray[np.float64]]:
@@ -99,6 +112,21 @@ def _values_at(seen: _Seen, place: float) -> tuple[float, ...]:
 def _told(seen: _Seen, place: float) -> str:
     values = _values_at(seen, place)
     return ", ".join(f"{name} = {value:.9g}" for name, value in zip(seen.curve.varied, values, strict=True))
+
+
+def _families(seen: _Seen) -> list[str]:
+    """Return where the parameter of a branch rests within its error while solutions differ."""
+    if seen.values.shape[1] > 1 or getattr(seen.curve, "fixed", None) is not None:
+        return []
+    rests = np.abs(np.diff(seen.values[:, 0])) <= seen.rounding[0]
+    differ = np.abs(np.diff(seen.quantities, axis=0)).max(axis=1, initial=0.0) > LOCATED
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], rests & differ, [0]])))
+    name = seen.curve.varied[0]
+    return [
+        f"points {i} to {j}: {name} rests at {seen.values[i, 0]:.9g} within its error, as along a family of solutions"
+        for i, j in edges.reshape(-1, 2).tolist()
+        if j - i >= _ROW
+    ]
 
 
 def _forward(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
@@ -184,7 +212,8 @@ def _on_earlier(seen: _Seen, points: NDArray[np.intp]) -> list[int]:
     """Return which points lie on the line through two neighbours that come at least three points before."""
     v, q = seen.values[:, 0], seen.quantities
     low, high = np.minimum(v[:-1], v[1:]), np.maximum(v[:-1], v[1:])
-    inside = (low <= v[points][:, None]) & (v[points][:, None] <= high) & (high - low > seen.rounding[0])
+    joined = (high - low > seen.rounding[0]) & (np.diff(seen.curve.equations) == 0)
+    inside = (low <= v[points][:, None]) & (v[points][:, None] <= high) & joined
     which, i = np.nonzero(inside & (np.arange(v.size - 1) < points[:, None] - 2))
     b = points[which]
     chords = q[i + 1] - q[i]

@@ -24,6 +24,7 @@ __all__ = ["contradicted_labels", "critical_rows", "unexplained"]
 _SINGLE = ("SN", "PD")  # types at which one direction begins to grow or to shrink
 _PAIRED = ("TR", "HB")  # types at which two do
 _FREE = ("EX", "TP")  # types that say nothing of stability, as users' events
+_BORDER = "the domain of mode"  # what the end of a branch says where a mode's equations end
 _LARGEST = 1e8  # multiplier beside which one near the unit circle may have no digits left
 
 
@@ -75,6 +76,9 @@ def unexplained(curve: Any) -> tuple[list[tuple[float, str]], int]:
         return [], 0
     counts = _counts(curve)
     width = counts[:, 1] - counts[:, 0]
+    for end, reason in zip((0, -1), curve.stopped, strict=True):
+        if _BORDER in reason:  # the equations may be 0/0 there
+            counts[end] = -1
     known = np.flatnonzero(counts[:, 0] >= 0)
     if known.size < 2:
         return [], 0
@@ -86,7 +90,7 @@ def unexplained(curve: Any) -> tuple[list[tuple[float, str]], int]:
         # the point at which a signature changes has the multipliers of either
         between = [point for point in points if i - _wide(point) < point.position < j + _wide(point)]
         change = int(counts[j, 0] - counts[i, 0])
-        explained = _explained(between, change, slack)
+        explained = _explained(curve, between, change, slack)
         if explained is False and j > i + 1:
             explained = None  # a point of the branch is critical itself, as where it starts at a fold
         told += explained is not None
@@ -111,10 +115,15 @@ def _wide(point: Any) -> int:
     return 1 if point.type in (*CHANGES, "BE") else 0
 
 
-def _explained(between: list[Any], change: int, slack: int) -> bool | None:
-    """Return whether special points explain a change; None where one of them may change anything."""
+def _explained(curve: Any, between: list[Any], change: int, slack: int) -> bool | None:
+    """Return whether special points explain a change; None where one of them may change anything.
+
+    The cycles of a branch may be neutral where they end at a Hopf point, as along a family.
+    """
     reached = {0}
     for point in between:
+        if point.type == "HB" and not hasattr(curve, "eigenvalues"):
+            return None
         if point.type not in (*_SINGLE, *_PAIRED, "BP") and _says_nothing(point):
             continue
         if point.type not in (*_SINGLE, *_PAIRED, "BP"):
@@ -190,5 +199,6 @@ def _away(curve: Any, point: Any) -> float | None:
     if point.type == "TR":
         pairs = values[values.imag > 0.0]
         return float(np.min(np.abs(np.abs(pairs) - 1.0), initial=math.inf))
-    goal = -1.0 if point.type == "PD" else 1.0
+    # over a turn of the phase, the doubling of a drive that repeats in it is a branch point
+    goal = -1.0 if point.type == "PD" and point.tangent is None else 1.0
     return float(np.min(np.abs(values - goal), initial=math.inf))

@@ -18,6 +18,7 @@ from saltus.continuation.runs.options import ROUNDING, Plane
 from saltus.continuation.runs.run import Asked, Run
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
 from saltus.errors import InputError
+from saltus.scales import LOCATED, Verdict, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["TwoParameterRun", "locus_run"]
 
 _MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a locus may differ from the start
+_COEFFICIENTS = ("CP", "GPD", "CH", "GH")  # types at which a coefficient of the normal form vanishes
+_ASIDE = 1e-4  # least distance, in arclength, from a special point of a point that has none of its rank
+_DEGENERATE = "a family of solutions goes through, or two loci meet"
 _REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
 
 
@@ -67,6 +71,7 @@ class TwoParameterRun(Run):
         first, second = ((low / unit, high / unit) for (low, high), unit in
                          zip(self.intervals, self.scales.tolist(), strict=True))  # fmt: skip
         self.bounds = (first, second)
+        self.remarks: list[str] = []
 
     @classmethod
     def types(cls) -> tuple[str, ...]:
@@ -161,8 +166,27 @@ class TwoParameterRun(Run):
         if kind in ("low", "high"):
             event.point.u[at - 2] = self.bounds[at][kind == "high"]
             return self.ends(half, piece, event.point, "bound reached")
+        if kind in _COEFFICIENTS and self.degenerate(half, event.point):
+            self.remarks.append(f"{self.place(event.point)}: no {kind}, since {_DEGENERATE}")
+            return None
         end = self.special(half, event)
         return None if end is None else self.ends(half, piece, event.point, end)
+
+    def degenerate(self, half: OneSide, point: Point) -> bool:
+        """Return whether the locus meets other solutions of its equations where a normal form's coefficient vanishes.
+
+        There the equations lose rank, which they have where further terms of the normal form do not vanish. Their least
+        singular value grows as the distance from such a place.
+        """
+        known = [half.first, *(other for piece, other in half.points if piece is self.branch)]
+        away = [other for other in known if point.arc - other.arc > _ASIDE and other.J.shape == point.J.shape]
+        if not away:
+            return False
+        beside = away[-1]
+        matrices = [at.J * self.branch.scale() for at in (point, beside)]
+        terms = np.abs(matrices[1]).max(axis=1, keepdims=True)
+        least, other = (float(np.linalg.svd(J / terms, compute_uv=False)[-1]) for J in matrices)
+        return zero(least * (point.arc - beside.arc), LOCATED * other) is Verdict.YES
 
     def start_values(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the parameters at the start, in their units; bounds that are missed by rounding are met."""

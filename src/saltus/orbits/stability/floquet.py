@@ -32,6 +32,7 @@ __all__ = [
     "passage",
     "undecided",
     "unstable_count",
+    "with_errors",
 ]
 
 _ERROR = 10.0  # change of the Jacobian's entries, in tolerances of the flow, by which errors are estimated
@@ -156,9 +157,7 @@ def multiplier_errors(
     values : ndarray of complex, shape (states,)
         What `multipliers` returns for it.
     """
-    rows, columns = np.indices(J.shape)
-    signs = np.where((3 * rows + 5 * columns + rows * columns) % 7 % 2, 1.0, -1.0)
-    other = multipliers(problem, u, J * (1.0 + _ERROR * max(problem.tol, 1e-14) * signs))
+    other = multipliers(problem, u, with_errors(problem, J))
     errors = np.full(values.size, math.inf)
     finite = np.isfinite(values)
     gaps = np.abs(values[finite][:, None] - other[np.isfinite(other)][None, :])
@@ -166,6 +165,13 @@ def multiplier_errors(
     if problem.system.phase is None:
         errors[-1] = 0.0
     return errors
+
+
+def with_errors(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a Jacobian, each entry changed by ten times the flow's tolerance of it, in a fixed pattern of signs."""
+    rows, columns = np.indices(J.shape)
+    signs = np.where((3 * rows + 5 * columns + rows * columns) % 7 % 2, 1.0, -1.0)
+    return np.asarray(J * (1.0 + _ERROR * max(problem.tol, 1e-14) * signs))
 
 
 def undecided(

@@ -1,0 +1,91 @@
+"""How far monitor functions of bifurcations may be wrong: by how much they change where what they follow from errs.
+
+Of an algebraic problem unknowns and derivatives err by their rounding. Of orbits the derivatives of the flow err by
+its tolerance. The changes are those of two fixed patterns of signs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.orbits.signature import CUT_END
+from saltus.orbits.stability.floquet import multiplier_errors, nontrivial, with_errors
+from saltus.scales import EPS, Verdict, zero
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.core.monitor import Monitor
+    from saltus.continuation.core.zero_problem import Point
+
+__all__ = ["algebraic_error", "orbit_error"]
+
+_PATTERNS = (3, 5)  # multiplier in a pattern of signs
+
+
+def algebraic_error(self: Any, name: Monitor, point: Point) -> float:
+    """Return how far a monitor function of algebraic equations may be wrong at a point."""
+    if name.kind not in (*self.critical, "zeros", "flips", "pairs"):
+        return 0.0
+    own = self.monitor(name, _at(self, point, point.u, 0))
+    values = [self.monitor(name, nudged) for nudged in _nudged(self, point)]
+    return max((abs(value - own) for value in values), default=0.0) if math.isfinite(own) else math.inf
+
+
+def _nudged(self: Any, point: Point) -> Iterator[Point]:
+    """Go through points whose unknowns and derivatives are those of a point but for rounding."""
+    scale = np.maximum(np.abs(point.u), EPS * self.scale())
+    for pattern in _PATTERNS:
+        yield _at(self, point, point.u + EPS * _signs((point.u.size,), pattern) * scale, pattern)
+
+
+def _at(self: Any, point: Point, u: NDArray[np.float64], pattern: int) -> Point:
+    """Return a point with other unknowns, its derivatives changed by rounding in a pattern of signs; 0 for none."""
+    from saltus.system.numba_tools.linear import bordered
+
+    F, J = self.evaluate(u)
+    J = J * (1.0 + EPS * _signs(J.shape, pattern)) if pattern else J
+    steps, sign, log, _, _ = bordered(J, F, point.weights * point.tangent, u, u, self.scale())
+    length = math.sqrt(float(point.weights @ steps[:, 1] ** 2))
+    direction = steps[:, 1] / length if 0.0 < length < math.inf else point.tangent
+    return replace(point, u=u, J=J, tangent=direction, sign=sign, log=log)
+
+
+def _signs(shape: tuple[int, ...], pattern: int) -> NDArray[np.float64]:
+    places = np.arange(math.prod(shape)).reshape(shape)
+    return np.where(pattern * places % 7 % 2, 1.0, -1.0)
+
+
+def orbit_error(self: Any, name: Monitor, point: Point) -> float:
+    """Return how far a monitor function of an orbit's bifurcations may be wrong at a point.
+
+    Where no multiplier is at 1 within its error, the sign of the fold's function is clear. The parameter may move as
+    slowly there as along a canard.
+    """
+    if name.kind != "SN" or point.examined.data is None:
+        return 0.0
+    J = self.own(point.J)
+    values = point.examined.data.multipliers
+    inner = nontrivial(values, autonomous=self.problem.system.phase is None)
+    errors = multiplier_errors(self.problem, point.u, J, values)[: inner.size]
+    if all(zero(abs(v - 1.0), e) is Verdict.NO for v, e in zip(inner, errors, strict=True)):
+        return 0.0
+    if CUT_END in self.problem.signature.kinds:  # the function is the product of the multipliers' distances from 1
+        return math.inf
+    along = [self.monitor(name, _turned(self, point, J)) for J in (point.J, with_errors(self.problem, point.J))]
+    return abs(along[1] - along[0]) if all(map(math.isfinite, along)) else math.inf
+
+
+def _turned(self: Any, point: Point, J: NDArray[np.float64]) -> Point:
+    """Return a point with the tangent that belongs to other derivatives."""
+    from saltus.system.numba_tools.linear import bordered
+
+    row, u = point.weights * point.tangent, point.u
+    steps, sign, log, _, _ = bordered(J, np.zeros(len(J)), row, u, u, self.scale())
+    direction = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
+    return replace(point, J=J, tangent=direction, sign=sign, log=log)
