@@ -37,6 +37,7 @@ __all__ = [
     "RESOLVED_RATIO",
     "ROUGH",
     "ROUNDED_ROUNDS",
+    "ROUNDINGS",
     "ROUNDS_ALIKE",
     "SENSITIVITIES",
     "SEPARATED",
@@ -44,6 +45,7 @@ __all__ = [
     "SMALLEST",
     "SOLVED",
     "STEPS_TOGETHER",
+    "UNFIT",
     "Scales",
     "Verdict",
     "critical_error",
@@ -93,6 +95,13 @@ ROUNDS_ALIKE = 1e-6
 
 # The same over the size of a state, whose range may be nothing: rounding of the return.
 ROUNDED_ROUNDS = 1e-12
+
+# Roundings of a duration, at most, that a sum of steps makes: the surface of an event is reached within so many.
+ROUNDINGS = 8.0
+
+# Error of a step, in tolerances, from which on a mesh tells nothing of where Newton's method is to go: it passes over
+# what the state's own error does not show, as a small state that grows by many orders.
+UNFIT = 1e4
 
 # Newton's method has converged to an orbit where its step, over the unknowns' sizes, is ten times the finest tolerance:
 # the next step, its square, is rounding.

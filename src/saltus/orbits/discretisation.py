@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.orbits.frames import Frames
+    from saltus.orbits.meshes import Decay
     from saltus.orbits.signature import Survey
     from saltus.system import HybridSystem
 
@@ -50,7 +51,7 @@ class Discretised(ABC):
     _errors: NDArray[np.float64]
     _worst: float
     _looked: int
-    _decays: list[float]
+    _decays: list[float | Decay]
     _dense: tuple[NDArray[np.float64], NDArray[np.float64]]
     # mesh and durations that the dense output's meshes were laid out for, and these
     _split: tuple[NDArray[np.float64], NDArray[np.float64], tuple[NDArray[np.float64], NDArray[np.int64]]]
@@ -152,6 +153,11 @@ class Discretised(ABC):
         return self._dense
 
     @property
+    def worst(self) -> float:
+        """Largest error of a step at the last evaluation, in tolerances."""
+        return self._worst
+
+    @property
     def steps(self) -> int:
         """Steps in all segments' meshes."""
         return int(self._errors.size - self.segments)
@@ -193,7 +199,7 @@ class Discretised(ABC):
         fresh, ends = np.empty(3 * places.size + 8 * self.segments), np.empty_like(starts)
         given = places, starts, self.transitions, self._errors, limit, self._worst, met, most
         fine, count = self._meshes.moved(*given, fresh, ends)
-        if count > 0:
+        if 0 < count <= max(places.size, self._meshes.MOST_NODES):
             self._use(fresh[:count].copy(), ends)
         return bool(fine)
 

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from saltus.flow.stiffness import may_be_implicit, worth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
     from saltus.system.compiled import Compiled
 
-__all__ = ["FEW", "adapted", "decays", "implicit_second", "implicit_steps", "joined", "stabilised", "steady"]
+__all__ = [
+    "FEW", "Decay", "adapted", "crowding", "decays", "decays_along", "implicit_second", "implicit_steps", "joined",
+    "stabilised", "steady",
+]  # fmt: skip
 
 FEW = 500  # explicit steps of a segment up to which implicit ones are not tried
 _FEW_STEPS = 1 << 12  # of a mesh that is tried before there is room for more
@@ -24,6 +27,23 @@ _LONGER = 8  # factor on the room for a mesh that had too little
 _STEADY = 3.0  # longest step, times the rate of the fastest decay, in which decayed states stay small
 _MOST_PARTS = 100_000  # parts of a step at most; a faster decay is left to the errors of steps
 _SLOW = 30.0  # decay over a segment up to which no mesh is too coarse for it
+_MANY = _FEW_STEPS  # steps of one segment from which on its decay is looked at all along it
+
+
+class Decay(NamedTuple):
+    """Decays over a segment, as `decays` has them: at some clustered times, the most of both ends between two."""
+
+    places: NDArray[np.float64]  # shape (place,), from 0 to 1
+    values: NDArray[np.float64]  # shape (place,)
+
+    def most(self, mesh: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the most in each step of a mesh, shape (step,)."""
+        between = np.maximum(self.values[:-1], self.values[1:])
+        first = np.searchsorted(self.places, mesh[:-1], side="right") - 1
+        last = np.searchsorted(self.places, mesh[1:], side="left")
+        first = np.clip(first, 0, between.size - 1)
+        ends = np.column_stack([first, np.maximum(last, first + 1)]).ravel()
+        return np.asarray(np.maximum.reduceat(np.append(between, 0.0), ends)[::2])
 
 
 class _Stopped(NamedTuple):
@@ -144,8 +164,25 @@ def decays(
     return [float(most) for most in found]
 
 
+def decays_along(
+    compiled: Compiled, mode: int, states: NDArray[np.float64], places: NDArray[np.float64], given: tuple[Any, float]
+) -> Decay:
+    """Return the decays all along a segment from its states at clustered times.
+
+    Parameters
+    ----------
+    states : ndarray, shape (place, n)
+        States there.
+    given : (ndarray, float)
+        Extended parameters, and the segment's duration.
+    """
+    p, duration = given
+    blocks = np.column_stack([states, np.full(len(states), duration)])
+    return Decay(places.copy(), np.array(decays(compiled, np.full(len(states), mode), blocks, p)))
+
+
 def stabilised(
-    places: NDArray[np.float64], starts: NDArray[np.int64], decays: list[float]
+    places: NDArray[np.float64], starts: NDArray[np.int64], decays: Sequence[float | Decay]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return meshes, one after the other, with steps cut where they are too long for stability; where each begins.
 
@@ -155,10 +192,10 @@ def stabilised(
         All segments' clustered times.
     starts : ndarray of int64, shape (segments + 1,)
         Where each segment's begin.
-    decays : list of float
-        What `decays` returns.
+    decays : sequence
+        Decay over each segment: what `decays` returns, or `decays_along`.
     """
-    if not max(decays) > _SLOW:
+    if not any(isinstance(decay, Decay) or decay > _SLOW for decay in decays):
         return places, starts
     parts = np.split(places, starts[1:-1])
     return joined([steady(mesh, decay) for mesh, decay in zip(parts, decays, strict=True)])
@@ -169,14 +206,34 @@ def joined(meshes: list[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDAr
     return np.concatenate(meshes), np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
 
 
-def steady(mesh: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
+def crowding(places: NDArray[np.float64], starts: NDArray[np.int64], decays: Sequence[float | Decay]) -> list[int]:
+    """Return the segments that would be cut in very many steps for a decay that is known at their start alone.
+
+    A state that falls from far away decays much faster there than on the rest of its way.
+    """
+    parts = np.split(places, starts[1:-1])
+    return [
+        i
+        for i, (mesh, decay) in enumerate(zip(parts, decays, strict=True))
+        if not isinstance(decay, Decay) and decay > _SLOW and _parts(mesh, decay).sum() > _MANY
+    ]
+
+
+def steady(mesh: NDArray[np.float64], decay: float | Decay) -> NDArray[np.float64]:
     """Return a mesh with steps cut where they are too long for stability, at a decay over the segment.
 
     A state that has decayed leaves no error in a step, however long, but its sensitivity would grow in it.
     """
-    if not decay > _SLOW:
+    if not isinstance(decay, Decay) and not decay > _SLOW:
         return mesh
-    middles = np.clip(0.5, mesh[:-1], mesh[1:])  # where the clustered time of a step runs fastest
-    parts = np.ceil(decay * 6.0 * middles * (1.0 - middles) * np.diff(mesh) / _STEADY).clip(1, _MOST_PARTS).astype(int)
+    parts = _parts(mesh, decay)
     ends = np.concatenate([[0], np.cumsum(parts)])
     return np.interp(np.arange(ends[-1] + 1), ends, mesh)
+
+
+def _parts(mesh: NDArray[np.float64], decay: float | Decay) -> NDArray[np.int_]:
+    """Return in how many parts each step of a mesh is cut."""
+    most = decay.most(mesh) if isinstance(decay, Decay) else decay
+    middles = np.clip(0.5, mesh[:-1], mesh[1:])  # where the clustered time of a step runs fastest
+    cut = np.ceil(most * 6.0 * middles * (1.0 - middles) * np.diff(mesh) / _STEADY).clip(1, _MOST_PARTS)
+    return np.asarray(cut.astype(int))

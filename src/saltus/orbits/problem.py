@@ -14,7 +14,8 @@ from saltus.orbits.coincidences import judged_together
 from saltus.orbits.common_sizes import common_sizes, surface_rows
 from saltus.orbits.discretisation import Discretised
 from saltus.orbits.frames import lawson_steps
-from saltus.orbits.meshes import adapted, decays, implicit_second, implicit_steps, joined
+from saltus.orbits.landed import on_surfaces
+from saltus.orbits.meshes import adapted, crowding, decays, decays_along, implicit_second, implicit_steps, joined
 from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, sizes_nearby
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from saltus.orbits.meshes import Decay
     from saltus.orbits.signature import Signature
     from saltus.system import HybridSystem
 
@@ -123,7 +125,7 @@ class OrbitProblem(Discretised):
         self._lasting = np.ones(self.segments)
         self._split = np.zeros(0), self._lasting, self.mesh
         self._explicit = self.mesh
-        self._decays = [0.0] * self.segments
+        self._decays: list[float | Decay] = [0.0] * self.segments
         self._errors = np.zeros(0)
 
     @property
@@ -161,7 +163,7 @@ class OrbitProblem(Discretised):
             self.state_scale[-1] = 2.0 * math.pi
         self._surface_rows = surface_rows(self.system, self.modes, blocks, self.extended, self.state_scale)
         self._set_absolute_tolerance()
-        self._decays = decays(self.system.compiled, self.modes, blocks, self.extended)
+        self._decays = [*decays(self.system.compiled, self.modes, blocks, self.extended)]
         self.stiff, self.linear = False, None
         if (blocked := self._adapt(u)) is not None:
             return blocked
@@ -221,9 +223,23 @@ class OrbitProblem(Discretised):
         )
         if isinstance(found, int):
             return found
-        meshes, self.stiff = found
-        self._use(*joined(meshes))
+        (places, starts), self.stiff = joined(found[0]), found[1]
+        if not self.stiff and (crowded := crowding(places, starts, self._decays)):
+            self._follow_decays(u, (places, starts), crowded)
+        self._use(places, starts)
         return None
+
+    def _follow_decays(
+        self, u: NDArray[np.float64], mesh: tuple[NDArray[np.float64], NDArray[np.int64]], crowded: list[int]
+    ) -> None:
+        """Look at the decays of some segments all along the orbit `u`, which is followed on a mesh of its own."""
+        self.mesh = mesh
+        self.survey(u)
+        places, starts, nodes, _ = self.dense()
+        blocks, compiled = u[: self.size].reshape(self.segments, self.n + 1), self.system.compiled
+        for i in crowded:
+            own, given = slice(starts[i], starts[i + 1]), (self.extended, float(blocks[i, self.n]))
+            self._decays[i] = decays_along(compiled, int(self.modes[i]), nodes[own], places[own], given)
 
     @property
     def phase_plane(self) -> NDArray[np.float64]:
@@ -404,7 +420,7 @@ class OrbitProblem(Discretised):
             self.record, self._events, self.surveyed, self._curve(), (self.tol, self._atol), self.state_scale, u, found
         )
         values: Any = (int(faults) & ~COARSE, bool(faults & COARSE), *found, self.stiff)
-        return judged_together(self, u, Survey(*values))
+        return on_surfaces(self, u, judged_together(self, u, Survey(*values)))
 
     def dense(
         self,

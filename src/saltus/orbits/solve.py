@@ -18,6 +18,7 @@ from saltus.maps.solve import solve_map_orbit
 from saltus.orbits.cuts import check_measured, cut, held, piece_maps, started_elsewhere, stretched
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.guesses import check_size, check_states, read_guess
+from saltus.orbits.landed import Landed, before_poles, fitted
 from saltus.orbits.observables.quantities import sizes_of_unknowns
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.pieces import in_pieces, solved_in_pieces
@@ -28,7 +29,7 @@ from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.stability.floquet import nontrivial, undecided
 from saltus.orbits.winding import unwrapped
-from saltus.scales import FINEST, SETTLED
+from saltus.scales import FINEST, SETTLED, followed
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -310,14 +311,14 @@ def solve_unknowns(
         scale = np.append(scale, 1.0)
     else:
         scale[problem.n :: problem.n + 1] /= 2.0 * math.pi  # a radian, within which a step of an orbit stays
-    F, J = evaluate(u)
-    size, remeshed = float(np.abs(F).max()), 0
+    F, J = fitted(problem, evaluate, u)
+    size, remeshed, landed = float(np.abs(F).max()), 0, Landed(problem)
     extent = _extent(problem, u)
     for iteration in range(most):
         if unfolded is not None and unfolded.turn_gap(u, J[:-1]):
             F, J = evaluate(u)
         try:
-            step = np.linalg.solve(J, -F)
+            step: NDArray[np.float64] = np.linalg.solve(J, -landed.left(F)).astype(np.float64, copy=False)
         except np.linalg.LinAlgError:
             raise ConvergenceError("periodic orbit", size, iteration, "the equations are singular there") from None
         length = float(np.max(np.abs(step) / scale))
@@ -325,13 +326,27 @@ def solve_unknowns(
             break
         factor = min(1.0, 2.0 / length) if length > 2.0 else 1.0
         while True:
+            if landed.follows and (there := landed.sought(evaluate, (u, F, J), step)) is not None:
+                trial, F_new, J_new = there
+                new = float(np.abs(landed.left(F_new)).max())
+                break
             trial = u + factor * step
             F_new, J_new = evaluate(trial)
             new = float(np.abs(F_new).max())
             if new <= (1.0 - 0.2 * factor) * size or (length < 1e-6 and new < 1e-6):
                 break
+            if length < SETTLED and landed.within(trial, F_new, J_new):
+                break
             factor *= 0.5
             if factor < least:
+                if (
+                    unfolded is None
+                    and length < 1e-6
+                    and (there := landed.sought(evaluate, (u, F, J), step)) is not None
+                ):
+                    trial, F_new, J_new = there
+                    new, factor = float(np.abs(landed.left(F_new)).max()), 1.0
+                    break
                 raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
@@ -346,6 +361,9 @@ def solve_unknowns(
             if _extent(problem, u) < _VANISHED**2 * extent:
                 raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
             if fine and not coarse:
+                if unfolded is None and landed.steep(u, J) and (safe := landed.on_any_mesh(u)) is not u:
+                    problem.start(safe)
+                    return safe, fitted(problem, evaluate, safe)[1]
                 return u, J
             if remeshed >= _REMESHED:
                 raise ConvergenceError(
@@ -354,11 +372,11 @@ def solve_unknowns(
             if coarse:
                 problem.start(u)
             remeshed += 1
-            F, J = evaluate(u)
+            u, F, J = before_poles(problem, evaluate, u, followed(problem.tol))
             size = float(np.abs(F).max())
         elif length > 1e-2 or iteration == 0:
             u = _within_reach(problem, u)
-            F, J = evaluate(u)
+            F, J = fitted(problem, evaluate, u)
             size = float(np.abs(F).max())
     raise ConvergenceError("periodic orbit", size, most, _why(problem, u, size, extent))
 
@@ -370,7 +388,7 @@ def _extent(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
     survey = problem.survey(u)
     count = len(problem.system.states)
     moved = float(np.max(survey.highs[:count] - survey.lows[:count]))
-    return moved if math.isfinite(moved) else 0.0
+    return moved if math.isfinite(moved) else 0.0 if problem.slides else math.inf
 
 
 def _why(problem: OrbitProblem, u: NDArray[np.float64], size: float, extent: float) -> str:

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import ConvergenceError
+from saltus.orbits.landed import before_poles
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, SPEED, Survey
-from saltus.scales import INFINITE
+from saltus.scales import INFINITE, followed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -77,9 +78,8 @@ def _left(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
     """Return what is left of the equations, each over the size of its terms, on meshes made for the orbit."""
     own = u[: problem.size]
     fresh = OrbitProblem(problem.system, problem.signature, problem.parameters_at(u), tol=problem.tol)
-    if fresh.start(own) is not None:
-        return math.inf
-    n, rows = fresh.n, fresh.resolve(own)[0].reshape(fresh.segments, fresh.n + 1)
+    own, F, _ = before_poles(fresh, fresh.resolve, own, followed(problem.tol), afresh=True)
+    n, rows = fresh.n, F.reshape(fresh.segments, fresh.n + 1)
     count = len(fresh.system.states)
     known = np.maximum(fresh.state_scale, _ROUNDED * problem.state_scale)
     known[:count] = np.maximum(known[:count], RESTING * float(known[:count].max()))

@@ -11,14 +11,13 @@ from saltus.flow.kernels.segment import EVENT_X
 from saltus.orbits.kernels.curve import FINE, GUARD, fine, held, lowest, sample, turning
 from saltus.orbits.kernels.together import holds
 from saltus.orbits.signature import BEYOND, BOUNDARY, EARLY, SECTION, WHOLE
-from saltus.scales import EPS
+from saltus.scales import EPS, ROUNDINGS
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 
 LEVEL = 1e-8  # share of an event function's variation within which a segment is as a whole equally far from its surface
 ZERO = 1e-13  # share of an event function's variation below which it is rounding
 TURNS = 1e-4  # share of its value nearby below which a condition is 0 at an extremum of the event function
-ROUNDINGS = 8.0  # roundings of a duration, at most, that a sum of steps makes
 BRIEF = 1e-4  # share of the period below which a segment is too short to show such a distance
 
 

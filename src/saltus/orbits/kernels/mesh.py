@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from saltus.flow.kernels.segment import redistribute
+from saltus.flow.kernels.segment import MOST_STEPS, redistribute
 from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, pointer
 
 FINEST = 5.0  # error of a step, in tolerances, up to which a mesh is fine enough
 COARSEST = 5e-3  # largest error in a segment, in tolerances, below which its mesh is finer than needed
 AIM = 0.2  # error of each step of a new mesh, in tolerances
+MOST_NODES = MOST_STEPS  # of a mesh that is moved
 UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved: they may be unstable
 BESIDE = 2  # steps at an event whose errors tell nothing before it is met: the field may bend at its surface
 

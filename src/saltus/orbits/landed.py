@@ -1,0 +1,205 @@
+"""Landings of an orbit's segments on surfaces that are met steeply: their residuals are measured in time.
+
+The duration of a segment has the rounding of its number. An upstroke may pass an event's surface at a rate of 1e15. No
+duration brings the event function nearer to 0 there than this rounding times the rate.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from saltus.orbits.signature import EVENT_END
+from saltus.scales import EPS, ON_SURFACE, ROUNDINGS, UNFIT, followed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from saltus.orbits.problem import OrbitProblem
+    from saltus.orbits.signature import Survey
+
+    _Evaluated: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+    _Evaluate: TypeAlias = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+__all__ = ["Landed", "before_poles", "fitted", "on_surfaces", "steeply_met"]
+
+_REMESHED = 12  # most times that meshes are moved
+_MARGIN = 2.0  # distance from a pole of the field, over the least at which the flow has values
+_FAR = 1e-6  # share of a duration within which a surface is searched for next to a step of Newton's method
+_SMALL = 1e-6  # residual from which on Newton's steps need not make it smaller
+
+
+class Landed:
+    """Events of an orbit that are met as exactly as the rounding of their segments' durations allows."""
+
+    def __init__(self, problem: OrbitProblem) -> None:
+        self.problem = problem
+        self._last = np.arange(problem.n, problem.size, problem.n + 1)
+        self._events = problem.kinds == EVENT_END
+        self._met = np.zeros(self._last.size, dtype=bool)
+        self.follows = False  # whether durations are sought in each step
+
+    def left(self, F: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the residual `F` with 0 for events that are met."""
+        if not self._met.any():
+            return F
+        left = F.copy()
+        left[self._last[self._met]] = 0.0
+        return left
+
+    def within(self, u: NDArray[np.float64], F: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
+        """Return whether a residual is nothing but events within rounding of their time, which are met from now on."""
+        met, last = self._met, self._last
+        with np.errstate(invalid="ignore"):
+            near = np.abs(F[last]) <= ROUNDINGS * EPS * np.abs(J[last, last]) * np.abs(u[last])
+        self._met = met | (near & self._events)
+        if float(np.abs(self.left(F)).max()) < _SMALL:
+            return True
+        self._met = met
+        return False
+
+    def steep(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
+        """Return whether an event is met as `steeply_met` tells."""
+        return bool(steeply_met(self.problem, u, J[self._last, self._last]).size)
+
+    def on_any_mesh(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return unknowns whose flow has values on meshes made for them, too; `u` where it has."""
+        held = self.problem
+        fresh = type(held)(held.system, held.signature, held.parameters_at(u), held.active, held.scales, held.tol)
+        return before_poles(fresh, fresh.evaluate, u, followed(held.tol), afresh=True)[0]
+
+    def sought(self, evaluate: _Evaluate, at: _Evaluated, step: NDArray[np.float64]) -> _Evaluated | None:
+        """Return unknowns, residual and Jacobian next before a surface that no duration reaches; None where one does.
+
+        Newton's step leads beyond the surface, or far before it, as a rounding of the duration does: the field has a
+        pole right behind. Next to the step's own duration the surface's is searched for, by doubles and by halves.
+        """
+        u, F, J = at
+        row = int(np.argmax(np.abs(F[self._last]) * self._events))
+        place = self._last[row]
+        if not (self._events[row] and float(np.abs(np.delete(self.left(F), place)).max(initial=0.0)) < _SMALL):
+            return None
+        trial, sign = u + step, -np.sign(J[place, place])
+        safe, end = ROUNDINGS * EPS * float(u[place]), float(trial[place])
+        below, above, back = end, end, safe
+
+        def before(duration: float) -> bool:
+            trial[place] = duration
+            value = float(fitted(self.problem, evaluate, trial)[0][place])
+            return math.isfinite(value) and np.sign(value) == sign
+
+        beyond = False
+        while not before(below) and back < abs(step[place]) + _FAR * end:
+            below, above, back, beyond = end - back, below, 2.0 * back, True
+        back = safe
+        while not beyond and before(above) and back < abs(step[place]) + _FAR * end:
+            below, above, back = above, end + back, 2.0 * back
+        while above - below > 2.0 * safe:
+            middle = 0.5 * (below + above)
+            below, above = (middle, above) if before(middle) else (below, middle)
+        trial[place] = below - 2.0 * safe
+        F, J = fitted(self.problem, evaluate, trial)
+        if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+            return None
+        self._met[row] = self.follows = True
+        return trial, F, J
+
+
+def steeply_met(problem: OrbitProblem, u: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the segments whose event function the flow's error in time moves by more than the size of its states.
+
+    Parameters
+    ----------
+    rates : ndarray, shape (segments,)
+        Rates of the event functions at their ends.
+    """
+    period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
+    with np.errstate(invalid="ignore", over="ignore"):
+        moved = np.where(problem.kinds == EVENT_END, np.abs(rates) * followed(problem.tol) * period, 0.0)
+    if not np.any(moved > float(problem.state_scale.min())):
+        return np.empty(0, dtype=np.intp)
+    return np.flatnonzero(moved > problem.event_sizes(u))
+
+
+def on_surfaces(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey, least: float = ON_SURFACE) -> Survey:
+    """Return a survey whose extremes and residuals are those on the surfaces that are met steeply.
+
+    Residuals of events are shares of the period there, in units of the largest state. The state there is taken along
+    the flow, from where the segment ends by the rounding of its duration.
+
+    Parameters
+    ----------
+    least : float, optional
+        Residual of an event, over its variation with the states' sizes, from which on it is looked at.
+    """
+    period, n = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum()), problem.n
+    with np.errstate(divide="ignore", invalid="ignore"):
+        short = survey.rates[:, 2] <= _FAR * period * np.abs(survey.rates[:, 0])
+    off = (problem.kinds == EVENT_END) & short & (survey.rates[:, 2] > least * float(problem.state_scale.min()))
+    if not off.any():
+        return survey
+    steep = np.flatnonzero(off & (survey.rates[:, 2] > least * problem.event_sizes(u)))
+    lows, highs, rates = survey.lows.copy(), survey.highs.copy(), survey.rates.copy()
+    _, starts, nodes, _ = problem.dense()
+    compiled, p = problem.system.compiled, problem.extended
+    for i in steep.tolist():
+        end, mode, event = np.ascontiguousarray(nodes[starts[i + 1] - 1]), int(problem.modes[i]), np.empty(2 + 2 * n)
+        field = np.empty(n)
+        compiled.call("event_x", int(problem.transitions[i]), 0, end, p, event)
+        compiled.call("field", mode, 0, end, p, field)
+        late = float(event[0] / event[1])
+        there = end - field * late
+        for bounds in (lows, highs):
+            bounds[:n] = np.where(bounds[:n] == end, there, bounds[:n])
+        if rates[i, 2] == abs(event[0]):
+            rates[i, 2] = abs(late) / period * float(problem.state_scale.max())
+    return survey._replace(lows=lows, highs=highs, rates=rates)
+
+
+def before_poles(
+    problem: OrbitProblem, evaluate: _Evaluate, u: NDArray[np.float64], most: float, *, afresh: bool = False
+) -> _Evaluated:
+    """Return unknowns, residual and Jacobian with durations up to events shortened until the flow has values.
+
+    Another mesh leaves another error in the time of a pole, which may lie less than that behind a surface.
+
+    Parameters
+    ----------
+    most : float
+        Largest share by which durations are shortened.
+    afresh : bool, optional
+        Whether meshes are made for these.
+    """
+    last = np.arange(problem.n, problem.size, problem.n + 1)[problem.kinds == EVENT_END]
+    given, share, settled = u, 0.5 * ROUNDINGS * EPS, False
+    while True:
+        blocked = problem.start(u) if afresh else None
+        F, J = fitted(problem, evaluate, u)
+        finite = blocked is None and bool(np.all(np.isfinite(F)) and np.all(np.isfinite(J)))
+        if settled or not last.size or share > most:
+            return u, F, J
+        settled = finite and u is not given
+        if finite and u is given:
+            return u, F, J
+        share *= _MARGIN if finite else 2.0
+        u = given.copy()
+        u[last] *= 1.0 - share
+
+
+def fitted(
+    problem: OrbitProblem,
+    evaluate: _Evaluate,
+    u: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what `evaluate` does, on meshes moved until they are not far too coarse for the sensitivities."""
+    F, J = evaluate(u)
+    for _ in range(_REMESHED):
+        if not UNFIT < problem.worst < np.inf:
+            break
+        problem.refine()
+        F, J = evaluate(u)
+    return F, J
