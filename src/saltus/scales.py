@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,11 +47,14 @@ __all__ = [
     "SOLVED",
     "STEPS_TOGETHER",
     "UNFIT",
+    "WRITTEN",
     "Scales",
     "Verdict",
+    "as_written",
     "critical_error",
     "followed",
     "near",
+    "near_rank",
     "same",
     "split",
     "value_error",
@@ -76,6 +80,9 @@ LOCATED = 1e-7
 
 # Relative error of a solution of algebraic equations: the last Newton step.
 SOLVED = 1e-13
+
+# Relative rounding of a coefficient that follows from numbers in formulas by some thousand operations.
+WRITTEN = 1e-12
 
 # Differences up to the error are equal, beyond so many errors they are not: an estimate of an error that is
 # an order of magnitude may be wrong by that order.
@@ -204,6 +211,27 @@ def zero(value: ArrayLike, error: ArrayLike) -> Verdict:
 def near(value: float, target: float, error: float, rounding: float = EPS) -> Verdict:
     """Return whether `value` is at `target` within `error` and the rounding of both."""
     return same(value, target, error + rounding * max(abs(value), abs(target)))
+
+
+def near_rank(values: ArrayLike) -> int:
+    """Return how many singular values, falling, cannot be rounding: what is left is a candidate, to be proved exactly.
+
+    Of formulas that are evaluated at random places half of the digits may be lost to cancellation.
+    """
+    sizes = np.asarray(values, dtype=float)
+    return int(np.sum(sizes > ILL_CONDITIONED * sizes.max(initial=0.0)))
+
+
+def as_written(value: float) -> float:
+    """Return the short decimal or fraction that a number is but for the rounding of how it was computed; else itself.
+
+    Examples
+    --------
+    >>> as_written(0.30000000000000004), as_written(1e18 * (1 + 1e-15)), as_written(0.1234567890123)
+    (0.3, 1e+18, 0.1234567890123)
+    """
+    candidates = float(f"{value:.9g}"), float(Fraction(value).limit_denominator(1000))
+    return next((near for near in candidates if abs(near - value) <= WRITTEN * abs(value)), value)
 
 
 def split(tolerance: float) -> float:

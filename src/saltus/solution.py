@@ -78,6 +78,14 @@ class Solution(Result):
         """Whether this is a solution of the system, and not only of equations that hold elsewhere."""
         return not self.reasons
 
+    @property
+    def conserved(self) -> dict[str, float]:
+        """Totals that the system conserves, by name: the solution is isolated, and stable or not, at these.
+
+        They are linear first integrals of the states, as ``HybridSystem.conserved`` names them.
+        """
+        return self.system.laws.named(self.x0, self.system.parameter_vector(self.parameters))  # type: ignore[no-any-return]
+
     def _held_value(self, name: str) -> float | None:
         """Return the value of a quantity that was held as the solution was solved; None where it was not."""
         return None

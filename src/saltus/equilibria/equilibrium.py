@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -45,8 +45,8 @@ class Equilibrium(AlgebraicSolution):
         The mode.
     state : ndarray, shape (states,)
         The state.
-    eigenvalues : ndarray of complex, shape (states,)
-        Eigenvalues of the field's Jacobian, the largest real part first.
+    eigenvalues : ndarray of complex, shape (states less conserved,)
+        Eigenvalues of the field's Jacobian at fixed `conserved`, the largest real part first.
     residual : float
         Largest component of the field, over the sizes of its terms.
     reasons : tuple of str
@@ -114,15 +114,15 @@ class Equilibrium(AlgebraicSolution):
 
     @cached_property
     def value_sizes(self) -> NDArray[np.float64]:
-        """Sizes of the eigenvalues, shape (states,): the largest modulus, or that of the terms of far slower ones."""
+        """Sizes of the eigenvalues, as many: the largest modulus, or that of the terms of far slower ones."""
         sizes = np.full(self.eigenvalues.size, float(np.abs(self.eigenvalues).max(initial=0.0)))
         if float(np.abs(self.eigenvalues).min(initial=np.inf)) >= SEPARATED * sizes.max(initial=0.0):
             return sizes
         problem = self.problem()
-        A = problem.evaluate(self.state)[1]
+        A = problem.within(self.state, problem.evaluate(self.state)[1])
         if not np.all(np.isfinite(A)):
             return sizes
-        values, found = sized_eigenvalues(A, partial(terms_at, problem, self.state))
+        values, found = sized_eigenvalues(A, lambda: problem.within(self.state, terms_at(problem, self.state)))
         return found if values.size == self.eigenvalues.size else sizes
 
     @property
@@ -150,7 +150,8 @@ class Equilibrium(AlgebraicSolution):
     def _multiplicity(self, type: str, varied: Sequence[str]) -> int:
         (along, *_), x = varied, self.state
         aside = self.parameters[along] + _ASIDE * max(abs(self.parameters[along]), 1.0)
-        J = self.problem(along).evaluate(np.append(x, aside))[1][:, :-1]
+        problem, u = self.problem(along), np.append(x, aside)
+        J = problem.within(u, problem.evaluate(u)[1][:, :-1])
         unit = float(np.abs(np.linalg.eigvals(J)).max()) if np.all(np.isfinite(J)) else 0.0
         return multiplicity(self.eigenvalues, type, unit, self.value_sizes)
 
@@ -194,7 +195,7 @@ class Equilibrium(AlgebraicSolution):
             parameters=dict(zip(problem.system.parameter_names, p.tolist(), strict=True)),
             mode=problem.system.mode_names[problem.mode],
             state=u[: problem.n],
-            eigenvalues=eigenvalues(J[:, : problem.n]),
+            eigenvalues=eigenvalues(problem.within(u, J[:, : problem.n])),
             residual=problem.rounding(u, J, sizes),
             reasons=tuple(faults_of(problem, u, sizes)),
         )
@@ -220,7 +221,8 @@ class Equilibrium(AlgebraicSolution):
         known = self.system.parameter_names
         indices = [known.index(checks.chosen("active", name, known)) for name in active]
         p = self.system.parameter_vector(self.parameters)
-        return EquilibriumProblem(self.system, self.system.mode_index(self.mode), p, indices, np.ones(len(indices)))
+        kept, units = self.system.laws.totals(self.state, p), np.ones(len(indices))
+        return EquilibriumProblem(self.system, self.system.mode_index(self.mode), p, indices, units, kept)
 
     def __getitem__(self, state: str) -> float:
         """Return one state by its name."""
@@ -248,7 +250,7 @@ class Equilibrium(AlgebraicSolution):
     def _read(cls, held: Contents) -> Self:
         system = held_system(held)
         held.names("state", system.states)
-        held.expect(eigenvalue=len(system.states))
+        held.expect(eigenvalue=system.freedom)
         mode = held.text("mode")
         system.mode_index(mode)
         parts = (held.array(f"eigenvalue_{part}", ("eigenvalue",)) for part in ("re", "im"))
@@ -267,9 +269,10 @@ class Equilibrium(AlgebraicSolution):
         regular = "regular" if self.regular else f"virtual: {'; '.join(self.reasons)}"
         place = ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.system.states, self.state, strict=True))
         values = ", ".join(_short(value) for value in self.eigenvalues.tolist())
+        kept = "".join(f"\n  conserved {name} = {value:.9g}" for name, value in self.conserved.items())
         return (
             f"Equilibrium of {of} in mode {self.mode}: {self.kind}, {regular}\n"
-            f"  {place}\n  eigenvalues {values}\n  residual {self.residual:.2g}"
+            f"  {place}{kept}\n  eigenvalues {values}\n  residual {self.residual:.2g}"
         )
 
 

@@ -86,6 +86,7 @@ def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Eq
     u, sizes, iteration = solve_zero(problem, x, "equilibrium", "there may be no equilibrium in this mode")
     if problem.circles.size:
         u, sizes, iteration = solve_zero(problem, -wrapped(-u, problem.circles), "equilibrium", "")
+    u = problem.with_totals(u)  # a state that nothing changes may be far below the others, and no rounding of 0
     found = Equilibrium.from_unknowns(problem, u, np.maximum(sizes, np.abs(u)))
     if not found.residual <= _RESIDUAL:
         raise ConvergenceError("equilibrium", found.residual, iteration, why_none(problem.evaluate(u)[1]))

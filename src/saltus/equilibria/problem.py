@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import InputError
+from saltus.system.integrals.laws import Leaf
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,8 +36,11 @@ class EquilibriumProblem:
     active: Sequence[int] = ()  # parameters among the unknowns, growing
     # shape (active,): units of the active parameters
     scales: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
+    # shape (laws,): totals that the system conserves; by default those of the first state that is looked at
+    totals: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
+        self._kept: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None
         self.n, self.period = len(self.system.states), 1
         self.circles = self.system.angle_places
         self.p = self.p.copy()
@@ -47,7 +51,7 @@ class EquilibriumProblem:
 
     def in_mode(self, mode: int) -> EquilibriumProblem:
         """Return the same equations for another mode."""
-        return EquilibriumProblem(self.system, mode, self.p, self.active, self.scales)
+        return EquilibriumProblem(self.system, mode, self.p, self.active, self.scales, self.totals)
 
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all parameters, shape (parameters,), where the unknowns are `u`."""
@@ -56,20 +60,65 @@ class EquilibriumProblem:
         return p
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the field, shape (n,), and its derivatives in the unknowns, shape (n, n + active)."""
+        """Return the field, shape (n,), and its derivatives in the unknowns, shape (n, n + active).
+
+        Where the system has linear integrals, so many of the equations follow from the others. Of one state to each
+        integral the rate by which the totals would return to the given ones is added; docs/theory/conserved.md.
+        """
         from saltus.equilibria.kernels import field as kernels
 
         F, J = np.empty(self.n), np.empty((self.n, self.n + self._active.size))
         kernels.field_at(*self._arguments(u), F, J)
+        if self.system.laws:
+            self._keep_totals(u, F, J)
         return F, J
 
+    def _keep_totals(self, u: NDArray[np.float64], F: NDArray[np.float64], J: NDArray[np.float64]) -> None:
+        laws, x, p = self.system.laws, u[: self.n], self.parameters_at(u)
+        if self.totals is None:
+            self.totals = laws.totals(x, p)
+        if self._kept is None:
+            A = J[:, : self.n]
+            leaf = Leaf(laws.matrix(p), np.abs(x))
+            # the totals return as fast as the terms of that state's rate change it
+            sizes = np.where(x != 0.0, np.abs(x), float(np.abs(x).max(initial=0.0)) or 1.0)
+            rates = (np.abs(A[leaf.follow]) @ sizes) / sizes[leaf.follow]
+            usual = float(rates.max()) if np.all(np.isfinite(rates)) and rates.max() > 0.0 else 1.0
+            rates = np.where(np.isfinite(rates) & (rates > 0.0), rates, usual)
+            self._kept = leaf.follow, rates[:, None] * leaf.turn
+        follow, turn = self._kept
+        F[follow] -= turn @ (laws.matrix(p) @ x - self.totals)
+        J[follow, : self.n] -= turn @ laws.matrix(p)
+        for k, index in enumerate(self.active):
+            J[follow, self.n + k] -= self.scales[k] * (turn @ (laws.matrix(p, index) @ x))
+
+    def with_totals(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return unknowns that have the totals kept to the last digit, by the states that follow from the others."""
+        if self._kept is None or self.totals is None:
+            return u
+        found, matrix = u.copy(), self.system.laws.matrix(self.parameters_at(u))
+        follow = self._kept[0]
+        found[follow] -= np.linalg.solve(matrix[:, follow], matrix @ u[: self.n] - self.totals)
+        return found
+
+    def within(self, u: NDArray[np.float64], A: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the field's derivative at given totals, of that in all states: its eigenvalues tell stability.
+
+        u : ndarray, shape (n + active,); A : ndarray, shape (..., n, n).
+        """
+        if not self.system.laws:
+            return A
+        return Leaf(self.system.laws.matrix(self.parameters_at(u)), np.abs(u[: self.n])).within(A)
+
     def matrices(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return derivatives of the field by the state, shape (places, n, n), at unknowns (places, n + active)."""
+        """Return derivatives of the field at given totals at unknowns (places, n + active): see `within`."""
         from saltus.equilibria.kernels import field as kernels
 
         found = np.empty((len(places), self.n, self.n))
         kernels.matrices_at(*self._arguments(places), found)
-        return found
+        if not self.system.laws:
+            return found
+        return np.array([self.within(u, A) for u, A in zip(places, found, strict=True)])
 
     def _arguments(self, u: NDArray[np.float64]) -> tuple[Any, ...]:
         extended = np.zeros(self.p.size + self.compiled.n_constants)
@@ -80,8 +129,27 @@ class EquilibriumProblem:
     def second(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative of the Jacobian in the unknowns along `v`, both shape (n, n + active)."""
         units = np.concatenate([np.ones(self.n), self.scales])
-        found = self.system.second(tuple(self.active)).field(self.mode, u[: self.n], v * units, self.parameters_at(u))
-        return np.asarray(found * units)
+        p = self.parameters_at(u)
+        found = np.asarray(self.system.second(tuple(self.active)).field(self.mode, u[: self.n], v * units, p) * units)
+        if self.system.laws and self.active:
+            if self._kept is None:
+                self.evaluate(u)
+            self._bend_totals(u, v, p, found)
+        return found
+
+    def _bend_totals(
+        self, u: NDArray[np.float64], v: NDArray[np.float64], p: NDArray[np.float64], found: NDArray[np.float64]
+    ) -> None:
+        """Add the derivative along `v` of what `_keep_totals` adds to the Jacobian."""
+        assert self._kept is not None
+        (follow, turn), laws, n = self._kept, self.system.laws, self.n
+        for k, index in enumerate(self.active):
+            slopes = self.scales[k] * (turn @ laws.matrix(p, index))
+            found[follow, :n] -= v[n + k] * slopes
+            found[follow, n + k] -= slopes @ v[:n]
+            for m, other in enumerate(self.active):
+                twice = turn @ (laws.matrix(p, index, other) @ u[:n])
+                found[follow, n + k] -= self.scales[k] * self.scales[m] * v[n + m] * twice
 
     def third(self, u: NDArray[np.float64], *directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the third derivative of the field in the state along three directions, shape (n,)."""

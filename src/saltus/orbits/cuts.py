@@ -230,6 +230,5 @@ def in_shares(
 
 def _alike(problem: OrbitProblem, u: NDArray[np.float64], signature: Signature) -> OrbitProblem:
     """Return the equations of another signature with the same parameters."""
-    return OrbitProblem(
-        problem.system, signature, problem.parameters_at(u), problem.active, problem.scales, problem.tol
-    )
+    p, kept = problem.parameters_at(u), problem.conserving
+    return OrbitProblem(problem.system, signature, p, problem.active, problem.scales, problem.tol, kept)

@@ -15,6 +15,7 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.cuts import cut
 from saltus.orbits.observables.quantities import Quantity, read_quantity, sizes_of_unknowns
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.releasing import giving_way
 from saltus.orbits.stability.families import of_a_family
 from saltus.orbits.unfolding import Fixed, UnfoldedEquations, unit_of_parameter
 
@@ -117,7 +118,9 @@ def unfolded_at(
     """
     system, signature, p, tol = like.system, like.signature, like.parameters_at(u), like.tol
     active = [system.parameter_names.index(wish.free)] if wish.free else []
-    problem = OrbitProblem(system, signature, p, active, np.ones(len(active)), tol)
+    alone = OrbitProblem(system, signature, p, tol=tol)
+    kept = giving_way(like, alone, u, wish.quantity, wish.free) or like.conserving
+    problem = OrbitProblem(system, signature, p, active, np.ones(len(active)), tol, kept)
     unknowns = np.append(u[: like.size], p[active] if active else 0.0)
     _follow(problem, unknowns)
     J = problem.resolve(unknowns)[1]
@@ -125,7 +128,7 @@ def unfolded_at(
         unit = unit_of_parameter(problem, unknowns, J)
         if not 0.0 < unit < math.inf:
             raise InputError("free", wish.free, "a parameter that moves the orbit", "no equation of the orbit has it")
-        problem = OrbitProblem(system, signature, p, active, np.array([unit]), tol)
+        problem = OrbitProblem(system, signature, p, active, np.array([unit]), tol, kept)
         unknowns[-1] = p[active[0]] / unit
         _follow(problem, unknowns)
         J = problem.resolve(unknowns)[1]
@@ -257,7 +260,8 @@ def _approach(
 def _diagnosis(equations: UnfoldedEquations, guess: NDArray[np.float64], wish: Wish, solve: Solver) -> str:
     """Return why a quantity cannot be fixed near a guess; an empty text where nothing is found."""
     problem, name = equations.problem, wish.quantity.name
-    alone = OrbitProblem(problem.system, problem.signature, problem.parameters_at(guess), tol=problem.tol)
+    p, kept = problem.parameters_at(guess), problem.conserving
+    alone = OrbitProblem(problem.system, problem.signature, p, tol=problem.tol, conserving=kept)
     try:
         own = solve(alone, guess[: problem.size], None)[0]
         isolated = not of_a_family(alone, own)

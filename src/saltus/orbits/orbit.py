@@ -393,7 +393,7 @@ class PeriodicOrbit(Solution):
         held.names("state", system.all_states)
         held.names("own_state", system.states)
         held.names("quantity", (*system.all_states, *system.output_names))
-        held.expect(multiplier=len(system.states))
+        held.expect(multiplier=system.freedom)
         durations = held.array("segment_duration", ("segment",))
         if not float(durations.sum()) > 0.0:
             raise InputError("segment_duration", durations.tolist(), "durations of a positive sum, the period")
@@ -416,18 +416,18 @@ class PeriodicOrbit(Solution):
 
     def __repr__(self) -> str:
         kind = "stable" if self.stable else "unstable"
-        if not self.admissible:
-            kind += f", not admissible ({'; '.join(self.reasons)})"
+        kind += f", not admissible ({'; '.join(self.reasons)})" * (not self.admissible)
         turns = f" = {self.form.turns} forcing period{'s' if self.form.turns > 1 else ''}" if self.form.turns else ""
         rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
         faster = drive_text(self.system, self.repeats)
-        fixed = "" if self.fixed is None else f"  fixed       {self.fixed}\n"
+        fixed = f"  fixed       {self.fixed}\n" * (self.fixed is not None)
         at_once = "".join(f"  at once     {', '.join(names)}\n" for names in self.coincidences)
-        steps = "  flow        stiff, by implicit steps\n" if self.implicit else ""
+        fixed += "".join(f"  conserved   {name} = {value:.9g}\n" for name, value in self.conserved.items())
+        fixed += "  flow        stiff, by implicit steps\n" if self.implicit else ""
         return (
             f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
             f"  period      {self.period:.12g}{turns}{faster}{rounds}\n"
-            f"  signature   {path_of(self.signature)}\n{at_once}{fixed}{steps}"
+            f"  signature   {path_of(self.signature)}\n{at_once}{fixed}"
             f"  x0          [{', '.join(f'{value:.6g}' for value in self.x0)}]\n"
             f"  |multipliers| {', '.join(f'{abs(value):.6g}' for value in self.multipliers)}\n"
             f"  residual    {self.residual:.2g}" + "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])

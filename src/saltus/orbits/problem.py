@@ -20,6 +20,7 @@ from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
+from saltus.orbits.totals import KeptTotals
 from saltus.scales import EPS, FINEST, Scales
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class OrbitProblem(Discretised):
     # shape (active,): units of the active parameters
     scales: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
     tol: float = 1e-12  # relative tolerance of a step
+    conserving: KeptTotals = None  # type: ignore[assignment] # totals that are kept: by default those of the first start
 
     def __post_init__(self) -> None:
         from saltus.orbits.kernels import (
@@ -102,6 +104,7 @@ class OrbitProblem(Discretised):
         self.linear = None
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
+        self.conserving = self.conserving or KeptTotals(self.system)
         self._orbit = tuple(
             Orbit(
                 functions=self._functions,
@@ -115,6 +118,8 @@ class OrbitProblem(Discretised):
                 active=self._active,
                 scales=self.scales,
                 angles=self.system.angle_places,
+                laws=self.conserving.terms,
+                totals=self.conserving.wanted,
                 implicit=np.zeros(4, dtype=np.int64),
             )
         )
@@ -161,6 +166,7 @@ class OrbitProblem(Discretised):
         self.state_scale[at_rest(self.state_scale, self._moves)] = self.state_scale.max()
         if self.system.phase is not None:
             self.state_scale[-1] = 2.0 * math.pi
+        self.conserving.keep(blocks[0], self.parameters_at(u), self.state_scale)
         self._surface_rows = surface_rows(self.system, self.modes, blocks, self.extended, self.state_scale)
         self._set_absolute_tolerance()
         self._decays = [*decays(self.system.compiled, self.modes, blocks, self.extended)]
@@ -374,6 +380,9 @@ class OrbitProblem(Discretised):
         steps = implicit_second() if self.stiff else 0
         with self.explicit_steps(u):
             second_kernels.second(self.record, self.mesh, compiled.addresses, steps, self.p.size, p, u, v, S)
+        if self.conserving and self.active:
+            place = self.size - self.n - 1, self.size
+            self.conserving.bend(self.active, self.scales, place, self.parameters_at(u), u, v, S)
         return S
 
     def _differences(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -29,7 +29,7 @@ from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.stability.floquet import nontrivial, undecided
 from saltus.orbits.winding import unwrapped
-from saltus.scales import FINEST, SETTLED, followed
+from saltus.scales import FINEST, SETTLED, SOLVED, followed, near
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -175,7 +175,7 @@ def _solved(
     wish = read_fix(system, fix, free)
     signature, u = read_guess(system, p, segments, x0, period)
     with one_thread(len(system.states)):
-        if wish is not None:
+        if wish is not None and not _has_it(system, signature, p, wish):
             return _converge_fixed(system, signature, u, p, tol, wish)
         return _converged(system, signature, u, p, tol)
 
@@ -243,6 +243,24 @@ def converge(
     if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
         raise ConvergenceError(ISOLATED, orbit.residual, 0, why_a_family(first, given))
     return orbit
+
+
+def _has_it(system: HybridSystem, signature: Signature, p: NDArray[np.float64], wish: Wish) -> bool:
+    """Return whether all orbits of a signature have the wanted period, which is that of the drive.
+
+    Raises
+    ------
+    InputError
+        The wanted period is another one, and no parameter is freed.
+    """
+    if wish.quantity.kind != "period" or wish.free or system.phase is None:
+        return False
+    rate = float(system.compiled.field(0, np.zeros(len(system.all_states)), p)[-1])
+    period = 2.0 * math.pi * signature.turns / rate
+    if not near(wish.value, period, 0.0, SOLVED):
+        allowed = f"{period:.12g}, the period of the drive over {signature.turns} turns"
+        raise InputError("fix['period']", wish.value, allowed, "another period needs a parameter to free, as free='w'")
+    return True
 
 
 def _converge_fixed(

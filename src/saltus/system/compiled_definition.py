@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 from saltus.system import compiled
 from saltus.system.definition import Definition
 from saltus.system.generated import source_file
+from saltus.system.integrals.laws import NONE
 from saltus.system.periodicity import check_angles
 
 if TYPE_CHECKING:
     from saltus.system.compiled import Compiled, CompiledSecond, CompiledThird
+    from saltus.system.integrals.laws import Laws
 
 __all__ = ["CompiledDefinition"]
 
@@ -28,6 +30,16 @@ class CompiledDefinition(Definition):
     def compiled(self) -> Compiled:
         """The compiled functions; of a map ``field`` is the image of a piece, and ``vary`` its derivative."""
         return compiled.load(self)
+
+    @property
+    def laws(self) -> Laws:
+        """Linear first integrals, which solutions keep; none of a map."""
+        return NONE
+
+    @property
+    def freedom(self) -> int:
+        """Dimension of the states of given totals: the number of eigenvalues, or multipliers, of a solution."""
+        return len(self.states) - len(self.laws)
 
     @cached_property
     def third(self) -> CompiledThird:

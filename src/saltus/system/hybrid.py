@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from saltus.system import compiled
 from saltus.system.compiled_definition import CompiledDefinition
+from saltus.system.integrals.finding import find_laws
 from saltus.system.parts import Mode, Transition, mapping_of
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
         CompiledSeries,
         Formulas,
     )
+    from saltus.system.integrals.laws import Laws
 
 __all__ = ["HybridSystem", "Mode", "Transition"]
 
@@ -203,6 +205,26 @@ class HybridSystem(CompiledDefinition):
     def linear(self) -> CompiledLinear:
         """The compiled linear parts of the modes."""
         return compiled.load_linear(self)
+
+    @cached_property
+    def laws(self) -> Laws:
+        """Linear first integrals: see `conserved`."""
+        return find_laws(self, self.compiled)
+
+    @property
+    def conserved(self) -> tuple[str, ...]:
+        """Sums of states, with constant coefficients, that no field and no reset changes.
+
+        They are found from the formulas. Equilibria, orbits and their branches keep the totals of their start, and
+        their stability is that at these totals.
+
+        Examples
+        --------
+        >>> network = HybridSystem.smooth({"A": "k*B - A", "B": "A - k*B"}, {"k": 2.0})
+        >>> network.conserved
+        ('A + B',)
+        """
+        return self.laws.names
 
     @cached_property
     def velocity_conditions(self) -> frozenset[int]:

@@ -101,12 +101,12 @@ class AlgebraicZeroProblem:
 
     def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> PointData:
         """Return the data of a point."""
-        values, sizes = sized_eigenvalues(J[:, : self.n], partial(terms_at, self.problem, u))
+        values, sizes = sized_eigenvalues(self.linear(u, J), partial(self.terms, u))
         return PointData(values, unstable_count(values, sizes), sizes, self.reasons(u))
 
     def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
         """Return the monitor functions that only this kind of solution has."""
-        return {_HB: pair_product(values)} if self.n > 1 else {}
+        return {_HB: pair_product(values)} if values.size > 1 else {}
 
     def own_monitor(self, name: Monitor, point: Point) -> float:
         """Return one of them at a point that may be corrected roughly only."""
@@ -152,10 +152,18 @@ class AlgebraicZeroProblem:
 
     def sized(self, u: NDArray[np.float64]) -> Sized:
         """Return eigenvalues or multipliers, with their sizes; NaN where the Jacobian is not finite."""
-        A = self.problem.evaluate(u)[1][:, : self.n]
+        A = self.linear(u, self.problem.evaluate(u)[1])
         if not np.all(np.isfinite(A)):
-            return np.full(self.n, math.nan + 0j), np.ones(self.n)
-        return sized_eigenvalues(A, partial(terms_at, self.problem, u))
+            return np.full(len(A), math.nan + 0j), np.ones(len(A))
+        return sized_eigenvalues(A, partial(self.terms, u))
+
+    def terms(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what the entries of `linear` are made of, shape (unknowns, n, n): see `terms_at`."""
+        return np.array([self.linear(u, part) for part in terms_at(self.problem, u)])
+
+    def linear(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the matrix, of the Jacobian at a solution, whose eigenvalues tell stability."""
+        return np.asarray(J[:, : self.n])
 
     def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return eigenvalues or multipliers; NaN where the Jacobian is not finite."""

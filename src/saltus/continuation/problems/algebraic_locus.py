@@ -102,8 +102,12 @@ class AlgebraicLocusProblem:
 
     def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the eigenvalues, or multipliers, of a solution; NaN where the equations have no finite derivatives."""
-        A = self.problem.evaluate(u)[1][:, : self.n]
-        return eigenvalues(A) if np.all(np.isfinite(A)) else np.full(self.n, math.nan + 0j)
+        A = self.linear(u, self.problem.evaluate(u)[1])
+        return eigenvalues(A) if np.all(np.isfinite(A)) else np.full(len(A), math.nan + 0j)
+
+    def linear(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the matrix, of the Jacobian at a solution, whose eigenvalues tell stability."""
+        return np.asarray(J[:, : self.n])
 
     def beside(self, z: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the values that are not critical."""

@@ -59,6 +59,10 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
             self.rows = row_units(J * self.scale()) / float(self.sizes.max())
         return F / self.rows, J / self.rows[:, None]
 
+    def linear(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `AlgebraicZeroProblem.linear`: the field's derivative at given totals."""
+        return self.problem.within(u, J[:, : self.n])
+
     def reasons(self, u: NDArray[np.float64]) -> tuple[str, ...]:
         """See `AlgebraicZeroProblem.reasons`."""
         return tuple(faults_of(self.problem, u, self.sizes))
@@ -94,7 +98,12 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
 
         Only where no other test functions than these are watched: in a mode without surfaces, without users' events.
         """
-        if not point.examined.monitors.keys() <= _ALL_QUIET or self._origin is None or self.rows is None:
+        if (
+            not point.examined.monitors.keys() <= _ALL_QUIET
+            or self._origin is None
+            or self.rows is None
+            or self.problem.system.laws
+        ):
             return [], step
         known = self.interest, self.sizes, self._origin, self.rows
         found = Stretch(self.problem, before, point, step, control, known)

@@ -53,6 +53,10 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
                 found[name] = height / self.unit(name, float(np.abs(gradient[: self.n]) @ self.sizes))
         return found
 
+    def linear(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `AlgebraicLocusProblem.linear`: the field's derivative at given totals."""
+        return self.problem.within(u, J[:, : self.n])
+
     def reasons(self, u: NDArray[np.float64]) -> tuple[str, ...]:
         """See `AlgebraicLocusProblem.reasons`."""
         return tuple(faults_of(self.problem, u, self.sizes))
@@ -63,7 +67,7 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
             return self._on_saddle_nodes(point)
         u = self.unknowns(point.u)
         J = self.problem.evaluate(u)[1]
-        values = eigenvalues(J[:, : self.n])
+        values = eigenvalues(self.linear(u, J))
         reasons = self.reasons(u)
         if self.kind == "HB":
             return self._on_hopf_points(point, u, J, values, reasons)

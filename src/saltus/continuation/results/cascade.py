@@ -177,7 +177,7 @@ def _read_start(held: Contents, system: HybridSystem, parameter: str) -> Special
     """Return the first doubling in a cascade's file."""
     form = signature_from(held.json("start_form", list))
     form.check(system)
-    held.expect(**{"start.point": 1, "multiplier": len(system.states)})
+    held.expect(**{"start.point": 1, "multiplier": system.freedom})
     own = [str(name) for name in held.dataset.data_vars if str(name).startswith("start.")]
     names = {name: name.replace("start.", "special_", 1) for name in own}
     dims = {theirs: ours for ours, theirs in _START.items() if theirs in held.dataset.sizes}

@@ -15,6 +15,7 @@ from saltus.continuation.results.audit import Audit
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
 from saltus.errors import InputError
 from saltus.result import Result, frozen
+from saltus.scales import ILL_CONDITIONED, same
 from saltus.solution import Solution
 
 if TYPE_CHECKING:
@@ -77,6 +78,21 @@ class SolutionCurve(Result, Generic[Solved]):
     def __post_init__(self) -> None:
         for name, kind in self.kinds.items():
             object.__setattr__(self, name, frozen(getattr(self, name), kind))
+
+    @property
+    def conserved(self) -> dict[str, float]:
+        """Totals that the system conserves, by name, which all solutions have."""
+        if not len(self) or not getattr(self.system, "laws", ()):
+            return {}
+        laws, x0 = self.system.laws, np.asarray(self.x0)
+        first, last = (laws.totals(x0[i], p := self._vector_at(i)) for i in (0, -1))
+        errors = ILL_CONDITIONED * np.abs(laws.matrix(p)) @ np.abs(x0).max(axis=0)
+        named = zip(laws.names, first.tolist(), last.tolist(), errors.tolist(), strict=True)
+        return {name: value for name, value, other, error in named if same(value, other, error)}
+
+    def _vector_at(self, index: int) -> NDArray[np.float64]:
+        parameters = self._parameters_at(index)
+        return np.asarray(self.system.parameter_vector({k: parameters[k] for k in self.system.parameter_names}))
 
     @property
     def at_rest(self) -> bool:
@@ -226,6 +242,7 @@ class SolutionCurve(Result, Generic[Solved]):
             ends = (column.min(), column.max()) if len(self) else (np.nan, np.nan)
             lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
         lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
+        lines += [f"  conserved {name} = {value:.9g}" for name, value in self.conserved.items()]
         lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
         lines += [f"  audit: {line}" for line in self.audit.lines()]
         return "\n".join(lines)

@@ -113,7 +113,8 @@ def _saddles(specials: list[Any], varied: tuple[str, ...], states: int) -> dict[
         if point.homoclinic is not None:
             saddle = point.homoclinic.saddle
             values[i] = [saddle.parameters[name] for name in varied]
-            places[i], eigenvalues[i], residuals[i] = saddle.state, saddle.eigenvalues, saddle.residual
+            places[i], residuals[i] = saddle.state, saddle.residual
+            eigenvalues[i, : saddle.eigenvalues.size] = saddle.eigenvalues
             modes[i] = saddle.system.mode_index(saddle.mode)
     return {
         "special_saddle_value": (("special", "parameter"), values),
@@ -150,7 +151,8 @@ def _saddles_of(
             continue
         own_parameters = {**parameters, **dict(zip(varied, value.tolist(), strict=True))}
         name = system.mode_names[mode]
-        saddle = Equilibrium(system, all_parameters(own_parameters, system), name, place, own, float(residual))
+        values_there = own[: system.freedom]
+        saddle = Equilibrium(system, all_parameters(own_parameters, system), name, place, values_there, float(residual))
         found.append(Homoclinic(saddle, event))
     return found
 

@@ -73,4 +73,4 @@ class EquilibriumCurve(AlgebraicCurve[Equilibrium]):
 
     @classmethod
     def _sizes(cls, held: Contents, system: HybridSystem) -> dict[str, int]:
-        return {"eigenvalue": len(system.states), "unknown": len(system.states)}
+        return {"eigenvalue": system.freedom, "unknown": len(system.states)}

@@ -108,7 +108,7 @@ class OrbitCurve(OrbitColumns):
         quantities = (*system.all_states, *system.output_names)
         for name, wanted in (("state", system.states), ("quantity", quantities), ("parameter", varied)):
             held.names(name, wanted)
-        held.expect(multiplier=len(system.states))
+        held.expect(multiplier=system.freedom)
         held.size("point")
         forms = [signature_from(form) for form in held.json("forms", list)]
         for form in forms:

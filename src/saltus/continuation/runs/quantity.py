@@ -73,7 +73,8 @@ class QuantityRun(OrbitRun):
         """Return the zero problem of a signature near `u`."""
         p = self.solution.system.parameter_vector(self.solution.parameters)
         tolerance = self.solution.tolerance
-        problem = OrbitProblem(self.solution.system, signature, p, self._active, self._scales, tolerance)
+        kept = self._known.problem.conserving
+        problem = OrbitProblem(self.solution.system, signature, p, self._active, self._scales, tolerance, kept)
         problem.start(u, sizes)
         return self.zero_problem(problem, u)
 

@@ -182,12 +182,48 @@ def equations(orbit, mesh, phase, tolerances, u, F, J, errors):
             line[row - 1] -= shares[i]
         else:
             F[last] = _on_plane(pointer(phase.anchor, 0), pointer(start, row), n, pointer(line, row))
+    if orbit.laws.shape[0] > 0:
+        _keep_totals(orbit, u, m, F, entries)
     for k in range(n_active):
         for i in range(m):
             entries[i * width + m + k] *= orbit.scales[k]
     keep(y)
     keep(block)
     return worst
+
+
+@njit(**INNER)
+def _keep_totals(orbit, u, m, F, entries):
+    """Add to the closing equations how far the first state is from the totals that are kept."""
+    outlined()
+    n_active, last = orbit.active.size, m - orbit.n - 1
+    width = m + n_active
+    for t in range(orbit.laws.shape[0]):
+        row, column = last + int64(orbit.laws[t, 0]), int64(orbit.laws[t, 1])
+        x = u[column]
+        value = _power(orbit, t, int64(-1))
+        F[row] -= value * x
+        entries[row * width + column] -= value
+        for k in range(n_active):
+            if orbit.laws[t, 3 + orbit.active[k]] != 0.0:
+                entries[row * width + m + k] -= _power(orbit, t, int64(orbit.active[k])) * x
+    for k in range(orbit.totals.shape[0]):
+        F[last + int64(orbit.totals[k, 0])] += orbit.totals[k, 1]
+
+
+@njit(**INNER)
+def _power(orbit, t, by):
+    """Return a term's coefficient, differentiated by a parameter, or not for -1."""
+    outlined()
+    value = orbit.laws[t, 2]
+    for j in range(orbit.laws.shape[1] - 3):
+        power = int64(orbit.laws[t, 3 + j])
+        if j == by:
+            value *= power
+            power -= 1
+        for _ in range(power):
+            value *= orbit.p[j]
+    return value
 
 
 @njit(**INNER)

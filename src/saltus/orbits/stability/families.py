@@ -108,9 +108,10 @@ def why_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> str:
     if len(parts := _parts(problem)) > 1:
         named = " and ".join("(" + ", ".join(states[i] for i in part) + ")" for part in parts)
         return f"the system falls into parts that do not act on each other, {named}: their phases are free, solve each"
+    picked = "period" if problem.system.phase is None else f"max_{states[int(np.argmax(moved))]}"
     return (
         "orbits form a family there at fixed parameters, as in a conservative system: "
-        "solve_orbit(..., fix={'period': ...}) picks one"
+        f"solve_orbit(..., fix={{{picked!r}: ...}}) picks one"
     )
 
 

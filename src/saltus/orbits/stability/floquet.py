@@ -12,6 +12,7 @@ from saltus.orbits.coincidences import at_one_instant, chains, commute, orders, 
 from saltus.orbits.cuts import piece_maps
 from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END
 from saltus.scales import FINEST, ROUGH, Verdict, zero
+from saltus.system.integrals.laws import Leaf
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,7 +71,7 @@ def multipliers(
 
     Returns
     -------
-    ndarray of complex, shape (states,)
+    ndarray of complex, shape (states less conserved,)
 
     References
     ----------
@@ -119,20 +120,23 @@ def multipliers_by_order(
 
 def _of_segments(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the multipliers of an orbit that is not cut."""
-    n = problem.n
-    P, R = np.empty((n, n)), np.empty((n, n))
+    n, sizes = problem.n, problem.state_scale
     closing, autonomous = problem.signature.kinds[0], problem.system.phase is None
     if autonomous or closing != PHASE_END:
-        flow = problem.flow_at_start(u) / problem.state_scale
+        flow = problem.flow_at_start(u) / sizes
     else:  # no event but the period's end: no flow is taken out
         problem.set_parameters(u)
         flow = np.zeros(n)
     period = float(np.abs(u[n : problem.size : n + 1]).sum())
-    problem.pencils.pencil(J, problem.kinds, n, flow, problem.state_scale, period, P, R)
+    if problem.conserving:
+        J, left = problem.conserving.reduced(J[:, : problem.size], problem.parameters_at(u), sizes, n)
+        flow, sizes, n = flow[left], sizes[left], left.size
+    P, R = np.empty((n, n)), np.empty((n, n))
+    problem.pencils.pencil(J, problem.kinds, n, flow, sizes, period, P, R)
     if closing == PHASE_END:
         values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
     elif closing == CLOSED_END:
-        values = _across(*_without_rounding(P, flow, problem.state_scale), period)
+        values = _across(*_without_rounding(P, flow, sizes), period)
         values[np.abs(values) < _LOST * problem.tol * float(np.abs(P).max())] = 0.0
     elif n == 3:
         values = np.empty(2, dtype=np.complex128)
@@ -221,7 +225,12 @@ def _of_pieces(
     problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], flows: NDArray[np.float64] | None
 ) -> NDArray[np.complex128]:
     """Return the multipliers of a smooth orbit that is cut, largest modulus first, the trivial one last."""
-    maps = piece_maps(problem, J)
+    maps, scale = piece_maps(problem, J), problem.common_scale
+    left = np.arange(problem.n)
+    if problem.conserving:
+        laws, units = problem.system.laws, scale[: len(problem.system.states)]
+        leaf = Leaf(laws.matrix(problem.parameters_at(u)) * units, np.ones(units.size))
+        maps, left = leaf.within(maps), leaf.widened(problem.n)
     if problem.system.phase is not None:
         return _of_product(maps[:, :-1, :-1])
     if flows is None:
@@ -229,7 +238,7 @@ def _of_pieces(
         for flow, mode, row in zip(flows, problem.modes, u[: problem.size].reshape(len(flows), -1), strict=True):
             x = np.ascontiguousarray(row[: problem.n])
             problem.system.compiled.call("field", int(mode), 0, x, problem.extended, flow)
-    turns = [_reflector(flow / problem.state_scale) for flow in flows]
+    turns = [_reflector((flow / problem.state_scale)[left]) for flow in flows]
     turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
     values = _of_product(np.array(turned)[:, 1:, 1:])
     if values[-1].imag == 0.0 and abs(values[-1]) < 1.0:

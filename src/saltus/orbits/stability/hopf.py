@@ -28,7 +28,7 @@ class HopfPoint:
 
     state: NDArray[np.float64]  # shape (states,): the equilibrium
     parameter: float  # the active parameter, in its unit
-    eigenvalues: NDArray[np.complex128]  # shape (states,): the pair first
+    eigenvalues: NDArray[np.complex128]  # shape (states less conserved,): the pair first
 
     @property
     def period(self) -> float:
@@ -108,10 +108,13 @@ def solve_centre(problem: OrbitProblem, state: NDArray[np.float64], frequency: f
         field, jacobian = problem.system.compiled.linearised(mode, x, problem.extended)
         if not (np.all(np.isfinite(jacobian)) and np.all(np.isfinite(field))):
             return None
+        p = problem.extended[: problem.p.size]
+        inner = problem.conserving.within(p, scale, jacobian)
+        field, jacobian = problem.conserving.returning(x, p, frequency, field, jacobian)
         step = np.linalg.lstsq(jacobian * scale / scale[:, None], -field / scale, rcond=_OPEN)[0]
         x = x + scale * step
         if np.max(np.abs(step)) < _CONVERGED:
-            values = _nearest_first(np.linalg.eigvals(jacobian).astype(np.complex128), frequency)
+            values = _nearest_first(np.linalg.eigvals(inner).astype(np.complex128), frequency)
             centre = abs(values[0].imag) > 0.0 and abs(values[0].real) < _UPRIGHT * abs(values[0].imag)
             return HopfPoint(x, 0.0, values) if centre else None
     return None
@@ -128,7 +131,10 @@ def _linearised(
     field, jacobian = problem.system.compiled.linearised(int(problem.modes[0]), point[:n], problem.extended)
     if not np.all(np.isfinite(jacobian)):
         return np.full(n, np.nan), np.full(n, np.nan + 0j)
-    return field, _nearest_first(np.linalg.eigvals(jacobian).astype(np.complex128), frequency)
+    kept, p = problem.conserving, problem.extended[: problem.p.size]
+    inner = kept.within(p, problem.state_scale, jacobian)
+    field = kept.returning(point[:n], p, frequency, field, jacobian)[0]
+    return field, _nearest_first(np.linalg.eigvals(inner).astype(np.complex128), frequency)
 
 
 def _nearest_first(values: NDArray[np.complex128], frequency: float) -> NDArray[np.complex128]:

@@ -124,7 +124,8 @@ def tangent_spaces(A: NDArray[np.float64], state: NDArray[np.float64], sizes: ND
 def at_rest(problem: OrbitProblem) -> EquilibriumProblem:
     """Return the equations of the equilibria in the mode of a smooth cycle, the parameter in the same unit."""
     mode = int(problem.modes[0])
-    return EquilibriumProblem(problem.system, mode, problem.p, problem.active, problem.scales)
+    kept = problem.conserving.totals
+    return EquilibriumProblem(problem.system, mode, problem.p, problem.active, problem.scales, kept)
 
 
 def saddle_near(

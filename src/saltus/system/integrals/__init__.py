@@ -1,0 +1,1 @@
+"""Linear first integrals of a system: found from its formulas, and the states of given totals."""
