@@ -23,6 +23,7 @@ from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.pieces import in_pieces, solved_in_pieces
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.regular_ends import settle_signature
+from saltus.orbits.resting import guess_on_plane, on_its_plane
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
@@ -217,6 +218,7 @@ def converge(
     """Return the orbit of a signature near the unknowns `u`, its segments' ends chosen to be regular."""
     check_size(system, signature)
     problem = OrbitProblem(system, signature, p, tol=tol)
+    u = guess_on_plane(problem, u)
     given, first = u, problem
     try:
         u, J = solve_unknowns(problem, given)
@@ -249,7 +251,8 @@ def _converge_fixed(
 ) -> PeriodicOrbit:
     """Return the orbit of a signature near the unknowns `u` of which a quantity has the wanted value."""
     check_size(system, signature)
-    equations, guess = unfolded_at(OrbitProblem(system, signature, p, tol=tol), u, wish)
+    problem = OrbitProblem(system, signature, p, tol=tol)
+    equations, guess = unfolded_at(problem, guess_on_plane(problem, u), wish)
     equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
     problem = equations.problem
     chosen, turned = settle_signature(problem, unknowns)
@@ -338,15 +341,19 @@ def solve_unknowns(
         rounding = size < _RESIDUAL_ROUNDING * float(problem.state_scale.max()) and length < _STEP_AT_ROUNDING
         if factor == 1.0 and (length < SETTLED or rounding):
             fine = problem.refine()
-            coarse = fine and problem.survey(u).coarse
+            survey = problem.survey(u) if fine else None
+            coarse = survey is not None and survey.coarse
             if problem.signature.kinds[0] == CLOSED_END and u[problem.n] < 0.2 * given[problem.n]:
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
             if u[problem.n :: problem.n + 1].sum() < _VANISHED * given[problem.n :: problem.n + 1].sum():
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
             if _extent(problem, u) < _VANISHED**2 * extent:
                 raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
-            if fine and not coarse:
-                return u, J
+            if survey is not None and not coarse:
+                plane = on_its_plane(problem, u, survey)
+                if plane is None or problem.start(plane) is not None:
+                    return u, J
+                return plane, evaluate(plane)[1]
             if remeshed >= _REMESHED:
                 raise ConvergenceError(
                     "periodic orbit", size, iteration, "its flow needs finer steps than a mesh can have"
