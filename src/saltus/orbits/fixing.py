@@ -16,7 +16,7 @@ from saltus.orbits.cuts import cut
 from saltus.orbits.observables.quantities import Quantity, read_quantity, sizes_of_unknowns
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.releasing import giving_way
-from saltus.orbits.stability.families import of_a_family
+from saltus.orbits.stability.families import dimension_nearby, of_a_family
 from saltus.orbits.unfolding import Fixed, UnfoldedEquations, unit_of_parameter
 
 if TYPE_CHECKING:
@@ -273,7 +273,7 @@ def _diagnosis(equations: UnfoldedEquations, guess: NDArray[np.float64], wish: W
     _follow(problem, u)
     J = equations.evaluate(u)[1]
     matrix = equations.scaled(u, J)
-    if equations.deficiency(u, J, _SLIGHT) > 1:
+    if dimension_nearby(alone, own) > 1:
         return _MANY
     _, values, right = np.linalg.svd(matrix[:-1])
     if wish.free and values[-1] < _WEAK * values[0]:

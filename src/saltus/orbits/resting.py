@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from saltus.flow.invariant_planes import staying
+from saltus.flow.shares import shares_of
+from saltus.scales import Verdict, followed, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
     from saltus.system import HybridSystem
 
-__all__ = ["NEAR_ZERO", "RESTING", "at_rest", "nearest_to_zero", "sizes_nearby"]
+__all__ = ["NEAR_ZERO", "RESTING", "at_rest", "guess_on_plane", "nearest_to_zero", "on_its_plane", "sizes_nearby"]
 
 RESTING = 1e-9  # size of a state, over the largest one's, below which it rests at zero unless another one moves it
 _NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
@@ -28,6 +30,7 @@ class Equations(Protocol):
     """What is asked here of the equations of an orbit: see `OrbitProblem`."""
 
     system: HybridSystem
+    tol: float
     active: Sequence[int]
     modes: NDArray[np.int64]
     extended: NDArray[np.float64]
@@ -35,6 +38,13 @@ class Equations(Protocol):
     size: int
     segments: int
     n: int
+
+    @property
+    def begun(self) -> Survey:
+        """Survey of the orbit that the equations were made to fit."""
+
+    def start(self, u: NDArray[np.float64]) -> int | None:
+        """Make the equations fit an orbit; return a segment that cannot be followed."""
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residual and Jacobian."""
@@ -115,3 +125,64 @@ def nearest_to_zero(problem: Equations, survey: Survey) -> float:
             break
         zeros = np.logical_and.reduce(stay)
     return max(float(np.min(shares, where=zeros[:count], initial=1.0)), _NEAREST)
+
+
+def on_its_plane(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
+    """Return an orbit moved into the invariant plane in which it lies but for rounding; None where there is none.
+
+    States of an orbit in the plane are 0, and Newton's method leaves some rounding of them. It solves no equations in
+    its own size: what is left of them is as large. A state that is small in earnest, as a population, solves them.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    u : ndarray, shape (size,) or longer
+        The orbit.
+    survey : Survey
+        Its extremes.
+    """
+    sizes, places = _small(problem, survey)
+    if not places.size:
+        return None
+    moved = _without(problem, u, places)
+    wide, rows = problem.size + len(problem.active), (problem.segments, problem.n + 1)
+    there = problem.evaluate(moved[:wide])[0].reshape(rows)[:, places]
+    left = problem.evaluate(u[:wide])[0].reshape(rows)[:, places]
+    in_plane = not np.any(there) and zero(left, followed(problem.tol) * sizes[places]) is Verdict.NO
+    return moved if in_plane else None
+
+
+def guess_on_plane(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a guess of an orbit moved into an invariant plane that it leaves nowhere by more than `RESTING`.
+
+    A state that is the factor of its own rate keeps its size: there only a solution tells what is rounding. The plane
+    may be crossed where several states are 0 together, as a place and its speed, and so small a distance is none.
+    """
+    count = len(problem.system.states)
+    sizes = np.abs(u[: problem.size].reshape(problem.segments, problem.n + 1)[:, :count]).max(axis=0)
+    if not np.any((sizes > 0.0) & (sizes < RESTING * float(sizes.max()))) or problem.start(u) is not None:
+        return u
+    places = _small(problem, problem.begun)[1]
+    places = places[shares_of(problem.system.compiled, problem.extended)[places] > 0.0]
+    if not places.size:
+        return u
+    moved = _without(problem, u, places)
+    wide = problem.size + len(problem.active)
+    there = problem.evaluate(moved[:wide])[0].reshape(problem.segments, problem.n + 1)[:, places]
+    return u if np.any(there) else moved
+
+
+def _small(problem: Equations, survey: Survey) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Return the sizes of an orbit's states, and the places of those that are small but for 0."""
+    count = len(problem.system.states)
+    sizes = np.maximum(np.abs(survey.lows[:count]), np.abs(survey.highs[:count]))
+    return sizes, np.flatnonzero((sizes < RESTING * float(sizes.max())) & (sizes > 0.0))
+
+
+def _without(problem: Equations, u: NDArray[np.float64], places: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return unknowns with some states 0."""
+    moved = u.copy()
+    for i in places.tolist():
+        moved[i : problem.size : problem.n + 1] = 0.0
+    return moved

@@ -24,6 +24,7 @@ from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.pieces import in_pieces, solved_in_pieces
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.regular_ends import settle_signature
+from saltus.orbits.resting import guess_on_plane, on_its_plane
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
@@ -34,9 +35,12 @@ from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
     from saltus.checks.states import StateLike
+    from saltus.orbits.signature import Survey
     from saltus.orbits.unfolding import UnfoldedEquations
 
 __all__ = ["check_fields", "check_tol", "converge", "solve_orbit", "solve_unknowns"]
@@ -218,6 +222,7 @@ def converge(
     """Return the orbit of a signature near the unknowns `u`, its segments' ends chosen to be regular."""
     check_size(system, signature)
     problem = OrbitProblem(system, signature, p, tol=tol)
+    u = guess_on_plane(problem, u)
     given, first = u, problem
     try:
         u, J = solve_unknowns(problem, given)
@@ -268,7 +273,8 @@ def _converge_fixed(
 ) -> PeriodicOrbit:
     """Return the orbit of a signature near the unknowns `u` of which a quantity has the wanted value."""
     check_size(system, signature)
-    equations, guess = unfolded_at(OrbitProblem(system, signature, p, tol=tol), u, wish)
+    problem = OrbitProblem(system, signature, p, tol=tol)
+    equations, guess = unfolded_at(problem, guess_on_plane(problem, u), wish)
     equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
     problem = equations.problem
     chosen, turned = settle_signature(problem, unknowns)
@@ -371,18 +377,16 @@ def solve_unknowns(
         rounding = size < _RESIDUAL_ROUNDING * float(problem.state_scale.max()) and length < _STEP_AT_ROUNDING
         if factor == 1.0 and (length < SETTLED or rounding):
             fine = problem.refine()
-            coarse = fine and problem.survey(u).coarse
+            survey = problem.survey(u) if fine else None
+            coarse = survey is not None and survey.coarse
             if problem.signature.kinds[0] == CLOSED_END and u[problem.n] < 0.2 * given[problem.n]:
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
             if u[problem.n :: problem.n + 1].sum() < _VANISHED * given[problem.n :: problem.n + 1].sum():
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
             if _extent(problem, u) < _VANISHED**2 * extent:
                 raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
-            if fine and not coarse:
-                if unfolded is None and landed.steep(u, J) and (safe := landed.on_any_mesh(u)) is not u:
-                    problem.start(safe)
-                    return safe, fitted(problem, evaluate, safe)[1]
-                return u, J
+            if survey is not None and not coarse:
+                return _accepted(problem, evaluate, landed if unfolded is None else None, (u, J), survey)
             if remeshed >= _REMESHED:
                 raise ConvergenceError(
                     "periodic orbit", size, iteration, "its flow needs finer steps than a mesh can have"
@@ -397,6 +401,24 @@ def solve_unknowns(
             F, J = fitted(problem, evaluate, u)
             size = float(np.abs(F).max())
     raise ConvergenceError("periodic orbit", size, most, _why(problem, u, size, extent))
+
+
+def _accepted(
+    problem: OrbitProblem,
+    evaluate: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
+    landed: Landed | None,
+    at: tuple[NDArray[np.float64], NDArray[np.float64]],
+    survey: Survey,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return unknowns and Jacobian of a solution: on the plane that it lies in, its flow with values on any mesh."""
+    u, J = at
+    plane = on_its_plane(problem, u, survey)
+    if plane is not None and problem.start(plane) is None:
+        u, J = plane, evaluate(plane)[1]
+    if landed is not None and landed.steep(u, J) and (safe := landed.on_any_mesh(u)) is not u:
+        problem.start(safe)
+        return safe, fitted(problem, evaluate, safe)[1]
+    return u, J
 
 
 def _extent(problem: OrbitProblem, u: NDArray[np.float64]) -> float:

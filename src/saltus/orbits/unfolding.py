@@ -177,11 +177,11 @@ class UnfoldedEquations:
         last = np.abs(J[-1, :-1] * columns).max() or 1.0
         return np.asarray(np.append(rows, 1.0 / last)[:, None] * J * np.append(columns, 1.0))
 
-    def deficiency(self, u: NDArray[np.float64], J: NDArray[np.float64], least: float = _VANISHING) -> int:
-        """Return how many singular values of the segment equations, over the largest, are below `least`."""
+    def deficiency(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> int:
+        """Return how many singular values of the segment equations, over the largest, are rounding of 0."""
         m = self.problem.size
         values = np.linalg.svd(self.scaled(u, J)[:m, :m], compute_uv=False)
-        return int(np.sum(values < least * values[0]))
+        return int(np.sum(values < _VANISHING * values[0]))
 
 
 def unit_of_parameter(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> float:

@@ -9,13 +9,14 @@ import numpy as np
 from saltus.errors import ConvergenceError
 from saltus.orbits.signature import CLOSED_END
 from saltus.orbits.stability.critical import scaling
+from saltus.scales import SENSITIVITIES, followed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["ISOLATED", "check_moves", "of_a_family", "why_a_family"]
+__all__ = ["ISOLATED", "check_moves", "dimension_nearby", "of_a_family", "why_a_family"]
 
 ISOLATED = "isolated periodic orbit"  # what is sought where one of a family is found
 
@@ -26,6 +27,8 @@ _FORCED = 1e-8  # forcing of the equations, in their units, up to which an orbit
 _CONVERGED = 1e-9  # largest relative Newton step of a converged orbit
 _RESTS = 1e-9  # motion of a state over the period, over its size, up to which it rests
 _ROUNDING = 1e-15  # rate of a state, over its terms, that is rounding of 0
+_BESIDE = 0.1  # distance from an invariant plane, in units of the states, at which states act on each other
+_DAMPED = 60  # damped steps to an orbit, at most
 _ITERATIONS = 10  # Newton steps to an orbit, at most
 
 
@@ -70,6 +73,47 @@ def of_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
         return False
     left, values, right = np.linalg.svd(rows[:, None] * J * columns)
     return _forcing_beside(problem, z, columns, rows, right[-1], left[:, -1]) < _FORCED
+
+
+def dimension_nearby(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
+    """Return the dimension of the family of orbits next to a guess; 0 where an orbit is isolated, or none is found.
+
+    The nearest orbit is found by damped least squares, which need no rank: the damping is the square of what is left.
+    Along the family its equations are singular within the error of their derivatives, which is that of the flow's
+    sensitivities. It follows from the tolerance and from the largest of them, and from no share of others.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations, without active parameters.
+    u : ndarray, shape (size,)
+        The guess.
+
+    References
+    ----------
+    Fan and Yuan, On the quadratic convergence of the Levenberg-Marquardt method without nonsingularity assumption,
+    Computing 74 (2005) 23-39.
+    """
+    if problem.start(u) is not None:
+        return 0
+    z, (F, J), error = u.copy(), problem.resolve(u), followed(problem.tol)
+    columns, rows = scaling(problem, J, u)
+    damped, left_over = 1.0, float(np.linalg.norm(rows * F))
+    for _ in range(_DAMPED):
+        if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+            return 0
+        left, values, right = np.linalg.svd(rows[:, None] * J * columns)
+        if left_over <= error:
+            return int(np.sum(values <= SENSITIVITIES * error * values[0]))
+        inverse = values / (values**2 + damped * left_over**2)
+        trial = z - columns * (right.T @ (inverse * (left.T @ (rows * F))))
+        F_new, J_new = problem.resolve(trial)
+        now = float(np.linalg.norm(rows * F_new))
+        if now < left_over:
+            z, F, J, left_over, damped = trial, F_new, J_new, now, 0.1 * damped
+        else:
+            damped *= 10.0
+    return 0
 
 
 def check_moves(problem: OrbitProblem, u: NDArray[np.float64]) -> None:
@@ -120,8 +164,10 @@ def _parts(problem: OrbitProblem) -> list[list[int]]:
     system, count = problem.system, len(problem.system.states)
     if system.phase is not None or system.transitions:
         return [list(range(count))]
-    acts = np.eye(count, dtype=bool)
-    for x in problem.dense()[2]:
+    acts, nodes = np.eye(count, dtype=bool), problem.dense()[2].copy()
+    rests = ~np.any(nodes, axis=0)
+    nodes[:, rests] = _BESIDE * problem.state_scale[rests]  # where a state is 0, others may act on it beside the orbit
+    for x in nodes:
         acts |= system.compiled.linearised(int(problem.modes[0]), np.ascontiguousarray(x), problem.extended)[1] != 0.0
     acts |= acts.T
     for _ in range(count):
