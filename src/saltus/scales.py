@@ -31,8 +31,10 @@ __all__ = [
     "HALVES_PERHAPS",
     "ILL_CONDITIONED",
     "INFINITE",
+    "LIKE_ONE",
     "LOCATED",
     "ONE_STATE",
+    "ON_LINE",
     "ON_SURFACE",
     "RESOLVED",
     "RESOLVED_RATIO",
@@ -47,6 +49,7 @@ __all__ = [
     "SOLVED",
     "STEPS_TOGETHER",
     "UNFIT",
+    "UNIT_OF_GROWTH",
     "WRITTEN",
     "Scales",
     "Verdict",
@@ -127,6 +130,16 @@ HALVES_PERHAPS = 1e-2
 # Modulus of a multiplier from which on an event is met without speed: the inverse of the share of a period at which
 # the time of an event is rounding.
 INFINITE = 1e10
+
+# Error of a multiplier near the unit circle from which on its place tells nothing: that of the circle's radius.
+LIKE_ONE = 1.0
+
+# Error of the logarithm of a product up to which the product has a digit left, by which a wrong one is seen.
+UNIT_OF_GROWTH = 0.1
+
+# Distance of a solution from the line through two neighbours at its parameter, over their distance, up to which it
+# is one of that branch. By the curvature of a step it is some hundredths, on the other sheet of a fold 1 or more.
+ON_LINE = 0.25
 
 # Error that an orbit's flow leaves in a unit of growth, in its tolerance: so many steps of one tolerance each add up.
 STEPS_TOGETHER = 10.0

@@ -312,4 +312,4 @@ def _branch(
     stops = read_stops(stop_at, [*kind.types, *asked_types(events)])
     run = kind(start, parameter, interest, Asked(control, directions, stops, reporter, until))
     with one_thread(len(start.system.states)):
-        return audited(run.branch(run.options([low, high], events)))
+        return audited(run.branch(run.options([low, high], events)), last=run.last_row)

@@ -20,7 +20,8 @@ class Breach:
     Attributes
     ----------
     check : str
-        What was looked at: ``forward``, ``twice``, ``ledger``, ``Liouville`` or ``label``.
+        What was looked at: ``forward``, ``twice``, ``ledger``, ``Liouville`` or ``label``; of a locus also
+        ``condition``, ``coefficient`` or ``other values``.
     text : str
         What is seen, in words.
     position : float

@@ -17,9 +17,10 @@ from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.results.audit import Audit, Breach
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.liouville import liouville
+from saltus.continuation.results.locus_ledger import holds, other_values, signs_of_coefficient
 from saltus.continuation.results.stability_ledger import contradicted_labels, critical_rows, unexplained
 from saltus.errors import SaltusError
-from saltus.scales import EPS, LOCATED, Verdict, followed, same, zero
+from saltus.scales import EPS, LOCATED, ON_LINE, Verdict, followed, same, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,13 +32,16 @@ Curve = TypeVar("Curve", bound=SolutionCurve[Any])
 # types of special points at which a parameter may turn; TP are those of a locus and of a branch along a quantity
 _TURNING = frozenset({"SN", "BP", "TP", "BE", "HOM", "SNIC", "CP", "BT", *CHANGES})
 _BESIDE = 6  # points on each side of a turn whose solutions are compared
-_ON_LINE = 0.25  # distance from a line through two points over theirs: on a fold's other sheet it is 1 or more
 _ROW = 3  # consecutive points that lie on an earlier part of a curve
 _CHUNK = 256  # points that are looked at together
 
 
-def audited(curve: Curve, remarks: Sequence[str] = ()) -> Curve:
-    """Return a curve with its audit, and what its run remarks on places where the equations degenerate."""
+def audited(curve: Curve, remarks: Sequence[str] = (), last: tuple[Any, Any] | None = None) -> Curve:
+    """Return a curve with its audit.
+
+    remarks: what its run says of places where the equations degenerate. last: equations and point with which it ends,
+    as they were left.
+    """
     if len(curve) < 2:
         return replace(curve, audit=Audit((), (("forward", 0),), tuple(remarks)))
     seen = _Seen.of(curve)
@@ -46,8 +50,14 @@ def audited(curve: Curve, remarks: Sequence[str] = ()) -> Curve:
         "twice": _twice(seen),
         "ledger": unexplained(curve),
         "label": contradicted_labels(curve),
-        "Liouville": liouville(curve),
+        "Liouville": liouville(curve, last),
     }
+    if len(curve.varied) > 1:
+        told |= {
+            "condition": holds(curve),
+            "coefficient": signs_of_coefficient(curve),
+            "other values": other_values(curve),
+        }
     breaches = [
         Breach(name, text, place, _values_at(seen, place)) for name, (found, _) in told.items() for place, text in found
     ]
@@ -135,9 +145,10 @@ def _forward(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
     if getattr(seen.curve, "fixed", None) is not None:  # along a quantity, which turns as it likes
         return [], 0
     places = [point.position for point in seen.curve.special_points if point.type in _TURNING]
-    critical = critical_rows(seen.curve)  # where a branch starts at a fold, this is no special point of it
-    for k, name in enumerate(seen.curve.varied):
-        for i, j in seen.turns(k):
+    turns = [(k, name, *ends) for k, name in enumerate(seen.curve.varied) for ends in seen.turns(k)]
+    if turns:
+        critical = critical_rows(seen.curve)  # where a branch starts at a fold, this is no special point of it
+        for k, name, i, j in turns:
             count += 1
             middle = 0.5 * (i + j)
             at = _told(seen, middle)
@@ -158,7 +169,7 @@ def _retraced(seen: _Seen, k: int, i: int, j: int) -> bool:
             if share is not None:
                 shares.append(share)
                 break
-    return len(shares) > 1 and max(shares) < _ON_LINE
+    return len(shares) > 1 and max(shares) < ON_LINE
 
 
 def _off_line(seen: _Seen, k: int, segment: tuple[int, int], b: int) -> float | None:
@@ -218,7 +229,7 @@ def _on_earlier(seen: _Seen, points: NDArray[np.intp]) -> list[int]:
     b = points[which]
     chords = q[i + 1] - q[i]
     away = np.abs(q[b] - q[i] - ((v[b] - v[i]) / (v[i + 1] - v[i]))[:, None] * chords).max(axis=1, initial=0.0)
-    on = away < 0.1 * _ON_LINE * np.abs(chords).max(axis=1, initial=0.0)
+    on = away < 0.1 * ON_LINE * np.abs(chords).max(axis=1, initial=0.0)
     found: list[int] = np.unique(b[on]).tolist()
     return found
 

@@ -14,7 +14,7 @@ import numpy as np
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.spectrum import NEUTRAL
-from saltus.scales import LOCATED, SEPARATED, SOLVED, critical_error, same, value_error
+from saltus.scales import EPS, LIKE_ONE, LOCATED, SEPARATED, SOLVED, critical_error, same, value_error
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +25,6 @@ _SINGLE = ("SN", "PD")  # types at which one direction begins to grow or to shri
 _PAIRED = ("TR", "HB")  # types at which two do
 _FREE = ("EX", "TP")  # types that say nothing of stability, as users' events
 _BORDER = "the domain of mode"  # what the end of a branch says where a mode's equations end
-_LARGEST = 1e8  # multiplier beside which one near the unit circle may have no digits left
 
 
 def _critical(curve: Any) -> NDArray[np.complex128] | None:
@@ -194,8 +193,9 @@ def _away(curve: Any, point: Any) -> float | None:
     values = solution.multipliers
     if hasattr(solution, "durations") and solution.system.phase is None:
         values = values[:-1]
-    if not np.all(np.isfinite(values)) or float(np.abs(values).max(initial=0.0)) > _LARGEST:
-        return None
+    error = value_error(curve.tolerance) if hasattr(curve, "tolerance") else EPS
+    if not np.all(np.isfinite(values)) or error * float(np.abs(values).max(initial=0.0)) > LIKE_ONE:
+        return None  # beside so large a multiplier one near the unit circle has no digits left
     if point.type == "TR":
         pairs = values[values.imag > 0.0]
         return float(np.min(np.abs(np.abs(pairs) - 1.0), initial=math.inf))

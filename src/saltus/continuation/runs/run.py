@@ -44,6 +44,7 @@ class Run(ABC):
     def __init__(self, asked: Asked) -> None:
         self.asked, self.control, self.stops = asked, asked.control, asked.stops
         self.log: list[Failure] = []
+        self.last_row: tuple[Any, Point] | None = None  # equations and point with which the curve ends
 
     @abstractmethod
     def begin(self) -> tuple[Any, Point]:
@@ -74,7 +75,9 @@ class Run(ABC):
         start = self.begin()
         with self.asked.reporter:
             halves = traced(start, self.again(*start), self.trace, self.asked.directions)
-        return join(start, halves, self.curve)
+        joined = join(start, halves, self.curve)
+        self.last_row = joined.rows[-1]
+        return joined
 
     def trace(self, start: tuple[Any, Point], sign: float) -> OneSide:
         """Return one direction of the curve, followed to its end."""
