@@ -5,7 +5,7 @@ A measured figure in prose is followed by a comment that says where it comes fro
 benchmarks/README.md, the beginning of one row's first cell there, and a column. A section alone stands for its text.
 The figure must be one of the numbers there, perhaps rounded. "... a second" is one over a time.
 
-Other sources are a constant, ``<!-- code: saltus.orbits.find._NEAR -->``, and a test whose text has the number,
+Other sources are a constant, ``<!-- code: saltus.scales.RECURS -->``, and a test whose text has the number,
 ``<!-- tests: basins/measures/test_entropy.py | test_name -->``.
 """
 

@@ -28,11 +28,10 @@ from saltus.maps import MapOrbit
 from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CLOSED_END, CUT_END, ON_BORDER, PHASE_END, WHOLE, Signature
 from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.critical import Branching, scaling
-from saltus.scales import FINEST
+from saltus.scales import DIRECTIONS_ALIKE, FINEST, PERHAPS_ZERO, RESTING, TOUCHING, UNCHANGED_ALONE
 from saltus.solution import Solution
 
 if TYPE_CHECKING:
@@ -41,10 +40,6 @@ if TYPE_CHECKING:
 __all__ = ["doubled_orbit", "grazing_orbits", "other_solutions", "switch_branch"]
 
 _AMPLITUDES = tuple(1e-3 * 0.25**k for k in range(8))  # steps onto the other branch, in the orbit's sizes, in turn
-_TOUCHING = 1e-6  # distance or duration, over the orbit's size or period, up to which it vanishes
-_PERHAPS_ZERO = 1e-6  # value of a parameter, in its own unit, up to which it may be rounding of 0
-_ALONE = 1e-6  # change of the motion, over its size, up to which it is the same without some states
-_ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
 
 
 Wanted = TypeVar("Wanted", bound=Solution)
@@ -189,7 +184,7 @@ def _parameter(point: SpecialPoint) -> tuple[int, float]:
     """
     name, orbit = point.varied[-1], point.orbit
     index, value = orbit.system.parameter_names.index(name), abs(point.parameters[name])
-    if value > _PERHAPS_ZERO:
+    if value > PERHAPS_ZERO:
         return index, value
     problem = orbit.problem(name)
     u = np.append(orbit.unknowns, point.parameters[name])
@@ -241,7 +236,7 @@ def _known_sizes(point: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[np.b
         blocks = u.reshape(problem.segments, problem.n + 1)
         blocks[:, np.flatnonzero(small)] = 0.0
         gaps = np.abs(problem.evaluate(u)[0]).reshape(blocks.shape)[:, : small.size].max(axis=0)
-        small &= bool(np.all(gaps[~small] <= _ALONE * sizes[~small]))
+        small &= bool(np.all(gaps[~small] <= UNCHANGED_ALONE * sizes[~small]))
     return sizes, small
 
 
@@ -286,7 +281,7 @@ def _beside(
     own = point.tangent / units
     own /= np.linalg.norm(own)
     likeness = [abs(float(own @ (d / units))) / float(np.linalg.norm(d / units)) for d in directions]
-    if min(likeness) > 1.0 - _ALIKE:
+    if min(likeness) > 1.0 - DIRECTIONS_ALIKE:
         hint = "to second order both branches leave in the same direction"
         raise ConvergenceError("other branch", abs(root), 0, hint)
     chosen = directions[int(np.argmin(likeness))]
@@ -378,7 +373,7 @@ def grazing_orbits(point: SpecialPoint) -> list[PeriodicOrbit]:
     found, period = [orbit], orbit.period
     survey = problem.survey(u)
     touching = [
-        name for name, i in timed(orbit.system, orbit.form).items() if abs(orbit.durations[i]) < _TOUCHING * period
+        name for name, i in timed(orbit.system, orbit.form).items() if abs(orbit.durations[i]) < TOUCHING * period
     ]
     touching += [] if touching else run_out(problem, u, survey)
     heights = np.ptp(np.stack([survey.lows, survey.highs]), axis=0)
@@ -386,9 +381,9 @@ def grazing_orbits(point: SpecialPoint) -> list[PeriodicOrbit]:
     touching += [
         Monitor("rate", i)
         for i, transition in enumerate(orbit.form.transitions)
-        if transition >= 0 and abs(survey.rates[i, 0]) * period < _TOUCHING * size and not touching
+        if transition >= 0 and abs(survey.rates[i, 0]) * period < TOUCHING * size and not touching
     ]
-    near = (np.abs(survey.margins) < _TOUCHING * size) & (survey.places != WHOLE)
+    near = (np.abs(survey.margins) < TOUCHING * size) & (survey.places != WHOLE)
     touching += [*(Monitor("margin", i, k) for i, k in np.argwhere(near).tolist()), *sorted(sides_met(problem, u))[:1]]
     for monitor in touching:
         beside = neighbour(problem, monitor, u)

@@ -18,7 +18,7 @@ from saltus.ensemble.labels import ADDRESSED, CHANGES, EVENT, GONE, HARD, HUGE, 
 from saltus.ensemble.lane_kinds import Pool
 from saltus.ensemble.lane_text import LaneText
 from saltus.ensemble.taylor_step import taylor_step
-from saltus.scales import EPS
+from saltus.scales.doubles import EPS
 from saltus.system.expansion import expanded, proportional
 from saltus.system.own_states import absent_states
 from saltus.system.parts import at_phases

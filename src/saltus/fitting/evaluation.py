@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.many.retracing import moved
-from saltus.continuation.results.sheets import WITHIN, Sheet, sheets_of
+from saltus.continuation.results.sheets import Sheet, sheets_of
 from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.instrument import Instrument
 from saltus.fitting.jumps import beyond, point_near
+from saltus.scales import SHEET_END
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["Evaluation"]
 
 _UNSURE = 1.0  # distance of a datum from the nearest sheet, and one more standard error: others are as near
-_INSETS = (WITHIN, 1e-4, 1e-3)  # distances from an end, over the sheet's length, tried one after the other
+_INSETS = (SHEET_END, 1e-4, 1e-3)  # distances from an end, over the sheet's length, tried one after the other
 
 
 @dataclass

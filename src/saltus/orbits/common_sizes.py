@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.scales import AFFINE
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["common_sizes", "surface_rows"]
 
-_AFFINE = 1e-12  # change of a gradient, over its largest entry, that is rounding
 _MOST = 1e3  # largest common size of a state, over its own
 _ELSEWHERE = (0.3, -0.7)  # how far from a state gradients are looked at, in the states' sizes
 
@@ -62,7 +63,7 @@ def surface_rows(
     found = gradients(0.0)
     if not np.any(np.count_nonzero(found, axis=2) > 1):
         return found[:, :0]
-    rounding = _AFFINE * np.abs(found).max(axis=2, initial=0.0, keepdims=True)
+    rounding = AFFINE * np.abs(found).max(axis=2, initial=0.0, keepdims=True)
     affine = [np.abs(gradients(share) - found) <= rounding for share in _ELSEWHERE]
     found = np.where(np.all(affine, axis=(0, 3))[:, :, None], found, 0.0)
     together = bool(np.any(np.count_nonzero(found, axis=2) > 1))

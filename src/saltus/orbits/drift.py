@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.scales import GROWTHS_EVEN, GROWTHS_SAMPLED, RECURS, STATE_ROUNDED, WHOLE_TURNS
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -16,15 +18,10 @@ __all__ = ["drift_of", "drift_of_samples"]
 
 _LONGEST = 16  # returns after which a state has grown by the same amount again, at the most
 _FEWEST = 8  # such growths that are compared, at the least
-_RECURS = 1e-3  # difference of two returns over the state's size, up to which the state recurs
-_ROUNDED = 1e-12  # rounding of a state, over its size
-_EVEN = 1e-6  # difference of two growths over their mean, up to which they are one
-_SAMPLED = 1e-2  # the same where returns are seen between samples
-_TURN = 1e-3  # distance of a growth from whole turns, in turns, up to which the state is an angle
 
 
 def drift_of(
-    system: HybridSystem, returns: NDArray[np.float64], sizes: NDArray[np.float64], even: float = _EVEN
+    system: HybridSystem, returns: NDArray[np.float64], sizes: NDArray[np.float64], even: float = GROWTHS_EVEN
 ) -> str | None:
     """Return words for a motion that drifts along some states; None for one that does not.
 
@@ -41,12 +38,12 @@ def drift_of(
     """
     straight = np.setdiff1d(np.arange(len(system.states)), system.angle_places)
     names, returns, sizes = [system.states[i] for i in straight], returns[:, straight], sizes[straight]
-    rounding = _ROUNDED * np.abs(returns).max(axis=0, initial=0.0)
+    rounding = STATE_ROUNDED * np.abs(returns).max(axis=0, initial=0.0)
     for apart in range(1, min(_LONGEST, len(returns) - _FEWEST) + 1):
         growths = returns[apart:] - returns[:-apart]
         mean, spread = growths.mean(axis=0), np.ptp(growths, axis=0)
         drifts = (np.abs(mean) > _FEWEST * rounding) & (spread <= even * np.abs(mean) + rounding)
-        if np.any(drifts) and np.all(drifts | (np.abs(growths).max(axis=0) <= _RECURS * sizes)):
+        if np.any(drifts) and np.all(drifts | (np.abs(growths).max(axis=0) <= RECURS * sizes)):
             return _told([names[i] for i in np.flatnonzero(drifts)], mean[drifts].tolist(), apart)
     return None
 
@@ -63,7 +60,7 @@ def drift_of_samples(system: HybridSystem, states: NDArray[np.float64], sizes: N
         return None
     clock = int(np.argmax(np.where(turns, ways / sizes, 0.0)))
     tops = 1 + np.flatnonzero((steps[:-1, clock] > 0.0) & (steps[1:, clock] <= 0.0))
-    return drift_of(system, states[tops], sizes, _SAMPLED) if tops.size else None
+    return drift_of(system, states[tops], sizes, GROWTHS_SAMPLED) if tops.size else None
 
 
 def _told(names: list[str], growths: list[float], apart: int) -> str:
@@ -71,7 +68,7 @@ def _told(names: list[str], growths: list[float], apart: int) -> str:
     each = ", ".join(f"{name} by {growth:.6g}" for name, growth in zip(names, growths, strict=True))
     when = "at each return" if apart == 1 else f"in each {apart} returns"
     turns = [growth / (2.0 * math.pi) for growth in growths]
-    if all(abs(turn - round(turn)) <= _TURN and round(turn) for turn in turns):
+    if all(abs(turn - round(turn)) <= WHOLE_TURNS and round(turn) for turn in turns):
         hint = f"name what lies on a circle, angles={(*names,)!r}"
     else:
         hint = "an orbit closes in states that do not drift, as in differences of those that drift alike"

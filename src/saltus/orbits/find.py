@@ -28,6 +28,7 @@ from saltus.orbits.rounds import shortest
 from saltus.orbits.settling import Stretch, cycle_of, event_log, follow, rest_of, sizes_of
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.solve import check_tol, converge
+from saltus.scales import DIED_AWAY, RECURS, SETTLES_ON
 from saltus.system import HybridSystem
 from saltus.system.angles import wrapped
 from saltus.system.maps import Map, flowing
@@ -41,13 +42,10 @@ if TYPE_CHECKING:
 __all__ = ["find_orbit"]
 
 _LONGEST = 16  # periods, or cycles of events, of the longest orbit that is looked for
-_NEAR = 1e-3  # distance of two returns, in the states' sizes, within which a motion recurs
 _STEPS = 1000  # steps allowed for each period or return
 _MOST_EVENTS = 100_000  # transitions that are kept at the most
 _BATCH = 1000  # steps after which an autonomous motion is first looked at
 _EVENTS = 40  # transitions of each kind after which it is first looked at
-_FAR = 0.1  # largest distance of a motion from the orbit on which it settles, in the states' sizes
-_NOTHING = 1e-15  # size of a state, over the largest that the search has seen, below which it is at rest
 
 
 _UNKNOWN = f"{UNSETTLED.format(longest=_LONGEST)}: then settle= allows more returns; see it with simulate"
@@ -203,7 +201,7 @@ def _search_forced(
         try:
             if done == 0:  # a motion that dies away has no size of its own
                 size = sizes_on_the_way(runs[0], period).of_states
-                floor = _NOTHING * size
+                floor = DIED_AWAY * size
             runs[0].follow(math.inf, batch, None, keep=False)
             runs.append(_begun(system, p, runs[0].x, runs[0].mode, (atol, limit), most - spent - runs[0].tries))
             runs[1].follow(math.inf, 2 * _LONGEST + 1, _MOST_EVENTS)
@@ -222,13 +220,13 @@ def _search_forced(
             raise ConvergenceError("periodic attractor", recurrence, done, hint, unit="forcing periods")
         states, places = log.x_after[wraps][:, :-1], system.angle_places
         sizes = sizes_along(system, p, log.x_end, log.mode_end, period, atol)
-        floor = np.maximum(floor, _NOTHING * sizes.of_states)
+        floor = np.maximum(floor, DIED_AWAY * sizes.of_states)
         sizes = sizes.at_least(floor)
         scale, atol, size = sizes.of_gaps[:-1], sizes.atol, sizes.of_states
         for turns in range(1, _LONGEST + 1):
             gap = float(np.max(np.abs(wrapped(states[turns:] - states[:-turns], places)) / scale))
             recurrence = min(recurrence, gap)
-            if gap < _NEAR:
+            if gap < RECURS:
                 try:
                     orbit = _once_round(system, converge(system, *_read_forced(log, wraps, turns), p, tol), p, tol)
                 except DefinitionError:
@@ -268,7 +266,7 @@ def _begun(
 def _reach(orbit: PeriodicOrbit, gap: float) -> float:
     """Return how far a motion that moves by `gap` a period may be from the orbit that it settles on."""
     size = max((abs(value) for value in orbit.multipliers.tolist()), default=0.0)
-    return min(max(_NEAR, 3.0 * gap / max(1.0 - size, 1e-9)), _FAR)
+    return min(max(RECURS, 3.0 * gap / max(1.0 - size, 1e-9)), SETTLES_ON)
 
 
 def _why_not(orbit: PeriodicOrbit) -> str:
@@ -311,7 +309,7 @@ def _search_autonomous(
         seen = follow(system, p, x, mode, batch * _BATCH, kinds * (2 * _LONGEST + 1), atol, limit, sampled=True)
         spent += gone.tries + seen.tries
         sizes = sizes_of(system, p, seen)
-        floor = np.maximum(floor, _NOTHING * sizes.of_states)  # a state that dies away has no size of its own
+        floor = np.maximum(floor, DIED_AWAY * sizes.of_states)  # a state that dies away has no size of its own
         sizes = sizes.at_least(floor)
         atol = sizes.atol
         if seen.events:
@@ -334,7 +332,7 @@ def _search_autonomous(
         if found is not None:
             signature, u, gap = found
             recurrence = min(recurrence, gap)
-            if gap < _NEAR:
+            if gap < RECURS:
                 try:
                     orbit = _once_round(system, converge(system, signature, u, p, tol), p, tol)
                 except DefinitionError:
@@ -387,7 +385,7 @@ def _read_autonomous(
             continue
         gap = float(np.max(np.abs(wrapped(log.x_after[now] - log.x_after[before], places)) / scale))
         best = min(best, (gap, length))
-        if gap < _NEAR:
+        if gap < RECURS:
             break
     gap, length = best
     if not length:
@@ -405,6 +403,6 @@ def _read_smooth(
         return None
     x = seen.states[0]
     gaps = np.max(np.abs(wrapped(seen.at(returns) - x, places)) / scale, axis=1)
-    first = int(np.argmax(gaps < _NEAR)) if np.any(gaps < _NEAR) else int(np.argmin(gaps))
+    first = int(np.argmax(gaps < RECURS)) if np.any(gaps < RECURS) else int(np.argmin(gaps))
     block = np.append(x, returns[first])
     return Signature((seen.mode,), (-1,), (CLOSED_END,), 0), block, float(gaps[first])

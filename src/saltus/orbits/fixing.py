@@ -18,6 +18,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.releasing import giving_way
 from saltus.orbits.stability.families import dimension_nearby, of_a_family
 from saltus.orbits.unfolding import Fixed, UnfoldedEquations, unit_of_parameter
+from saltus.scales import PARAMETER_KEPT, SINGULAR, SINGULAR_FAMILY, SLIGHT, UNFORCED, VARIES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,14 +29,8 @@ if TYPE_CHECKING:
 
     Solver = Callable[..., tuple[NDArray[np.float64], NDArray[np.float64]]]  # `saltus.orbits.solve.solve_unknowns`
 
-__all__ = ["UNFORCED", "Wish", "check_family", "read_fix", "solve_fixed", "unfolded_at", "within_family"]
+__all__ = ["Wish", "check_family", "read_fix", "solve_fixed", "unfolded_at", "within_family"]
 
-_SINGULAR = 1e-9  # least singular value of the unfolded equations, over the largest, below which they are singular
-UNFORCED = 1e-9  # strength of the gap, in units of the equations, up to which an orbit is closed
-_WEAK = 1e-6  # least singular value of the equations with a parameter, over the largest, below which it ends no family
-_SLIGHT = 1e-2  # change of a quantity from orbit to orbit, in scaled unknowns, that explains a failure
-_VARIES = 0.1  # range of a state or output along a guess, over its size, above which it is not constant
-_AT_GIVEN = 1e-8  # change of a freed parameter, in its unit, up to which it has kept its value
 _FIRST = 0.25  # first step, over the way from the guess's value to the wanted one
 _LEAST = 1e-2  # least step that is tried, over the first one
 _GROWTH = 1.7  # factor on the step after two successes
@@ -138,7 +133,7 @@ def unfolded_at(
         raise InputError("fix", wish.quantity.name, "a quantity that the guess has", f"its value there is {value}")
     equations.turn_gap(unknowns, J)
     equations.measure(unknowns)
-    wish.quantity.check_constant(problem, unknowns, equations.size, _VARIES)
+    wish.quantity.check_constant(problem, unknowns, equations.size, VARIES)
     if not equations.size > 0.0:
         raise InputError("fix", wish.quantity.name, "a quantity that varies with the orbit", "no state moves it there")
     return equations, unknowns
@@ -276,9 +271,9 @@ def _diagnosis(equations: UnfoldedEquations, guess: NDArray[np.float64], wish: W
     if dimension_nearby(alone, own) > 1:
         return _MANY
     _, values, right = np.linalg.svd(matrix[:-1])
-    if wish.free and values[-1] < _WEAK * values[0]:
+    if wish.free and values[-1] < SINGULAR_FAMILY * values[0]:
         return f"the orbits there are a family that {wish.free!r} does not end: free a damping, or leave out `free`"
-    if abs(float(matrix[-1] @ right[-1])) < _SLIGHT:
+    if abs(float(matrix[-1] @ right[-1])) < SLIGHT:
         moves = f"with {wish.free!r}" if wish.free else "from orbit to orbit"
         return f"{name!r} hardly changes {moves} there"
     return ""
@@ -296,7 +291,7 @@ def check_family(equations: UnfoldedEquations, u: NDArray[np.float64], J: NDArra
     """
     what = f"orbit with {wish}"
     values = np.linalg.svd(equations.scaled(u, J), compute_uv=False)
-    if not values[-1] > _SINGULAR * values[0]:
+    if not values[-1] > SINGULAR * values[0]:
         moves = f"the parameter {wish.free!r} does not move it" if wish.free else "no orbit near it differs in it"
         if equations.deficiency(u, J) > 1:
             moves = _MANY
@@ -326,7 +321,7 @@ def within_family(
         alone = OrbitProblem(problem.system, problem.signature, at, tol=problem.tol)
         family = of_a_family(alone, own)
         index = int(problem.active[0])
-        if family and abs(at[index] - p[index]) <= _AT_GIVEN * float(problem.scales[0]):
+        if family and abs(at[index] - p[index]) <= PARAMETER_KEPT * float(problem.scales[0]):
             at = p.copy()
     alone = OrbitProblem(problem.system, problem.signature, at, tol=problem.tol)
     _follow(alone, own)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import numpy as np
 
 from saltus.orbits.signature import EVENT_END
-from saltus.scales import EPS, ON_SURFACE, ROUNDINGS, UNFIT, followed
+from saltus.scales import EPS, ON_SURFACE, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,7 +30,6 @@ __all__ = ["Landed", "before_poles", "fitted", "on_surfaces", "steeply_met"]
 _REMESHED = 12  # most times that meshes are moved
 _MARGIN = 2.0  # distance from a pole of the field, over the least at which the flow has values
 _FAR = 1e-6  # share of a duration within which a surface is searched for next to a step of Newton's method
-_SMALL = 1e-6  # residual from which on Newton's steps need not make it smaller
 
 
 class Equations(Protocol):
@@ -96,7 +95,7 @@ class Landed:
         with np.errstate(invalid="ignore"):
             near = np.abs(F[last]) <= ROUNDINGS * EPS * np.abs(J[last, last]) * np.abs(u[last])
         self._met = met | (near & self._events)
-        if float(np.abs(self.left(F)).max()) < _SMALL:
+        if float(np.abs(self.left(F)).max()) < RESIDUAL_SMALL:
             return True
         self._met = met
         return False
@@ -120,7 +119,7 @@ class Landed:
         u, F, J = at
         row = int(np.argmax(np.abs(F[self._last]) * self._events))
         place = self._last[row]
-        if not (self._events[row] and float(np.abs(np.delete(self.left(F), place)).max(initial=0.0)) < _SMALL):
+        if not (self._events[row] and float(np.abs(np.delete(self.left(F), place)).max(initial=0.0)) < RESIDUAL_SMALL):
             return None
         trial, sign = u + step, -np.sign(J[place, place])
         safe, end = ROUNDINGS * EPS * float(u[place]), float(trial[place])

@@ -11,6 +11,7 @@ import numpy as np
 
 from saltus.errors import InputError
 from saltus.orbits.stability.critical import closing, scaling
+from saltus.scales import AT_CRITICAL, COEFFICIENT_ROUNDED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,8 +25,6 @@ __all__ = ["NORMAL_FORMS", "NormalForm", "flip_coefficient", "fold_coefficient",
 
 NORMAL_FORMS = ("SN", "PD", "TR")  # types of special points that have a normal form here
 _STEP = 2e-3  # length of the arcs along which third derivatives are taken, in sizes of the orbit
-_FAR = 1e-3  # distance of a multiplier from the critical one above which an orbit is not critical
-_NOISE = 1e-10  # size of a coefficient, over its terms, below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ def _critical_multiplier(orbit: PeriodicOrbit, kind: str) -> complex:
     goal = goals[kind]
     if kind == "TR":
         values = [v for v in values if v.imag > 0.0]
-    if not values or goal(min(values, key=goal)) > _FAR:
+    if not values or goal(min(values, key=goal)) > AT_CRITICAL:
         wanted = {"SN": "at 1", "PD": "at -1", "TR": "on the unit circle"}[kind]
         found = ", ".join(f"{v:.6g}" for v in orbit.multipliers.tolist())
         raise InputError("orbit", found, f"an orbit with a multiplier {wanted}, as a located {kind} has")
@@ -213,7 +212,7 @@ def torus_coefficient(
 
 def _above_noise(value: float, size: float) -> float:
     """Return a sum, or zero where it is rounding of its terms."""
-    return value if abs(value) > _NOISE * size else 0.0
+    return value if abs(value) > COEFFICIENT_ROUNDED * size else 0.0
 
 
 def _wide(problem: OrbitProblem, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:

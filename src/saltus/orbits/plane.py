@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.scales import OBLIQUE
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["normal_across"]
-
-_OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
 
 
 def normal_across(slope: NDArray[np.float64], outwards: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -33,6 +33,6 @@ def normal_across(slope: NDArray[np.float64], outwards: NDArray[np.float64]) -> 
     slope = slope / max(float(np.linalg.norm(slope)), 1e-300)
     outwards = outwards / max(float(np.linalg.norm(outwards)), 1e-300)
     normal = slope - float(slope @ outwards) * outwards
-    if not float(normal @ normal) > _OBLIQUE**2:
+    if not float(normal @ normal) > OBLIQUE**2:
         normal = slope
     return np.asarray(normal / max(float(slope @ normal), 1e-300))

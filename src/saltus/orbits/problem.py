@@ -18,10 +18,10 @@ from saltus.orbits.landed import on_surfaces
 from saltus.orbits.meshes import adapted, crowding, decays, decays_along, implicit_second, implicit_steps, joined
 from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
-from saltus.orbits.resting import NEAR_ZERO, RESTING, at_rest, nearest_to_zero, sizes_nearby
+from saltus.orbits.resting import at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 from saltus.orbits.totals import KeptTotals
-from saltus.scales import EPS, FINEST, Scales
+from saltus.scales import ABOVE_ROUNDING, EPS, FINEST, MOVES_NOTHING, NEAR_ZERO, RESTING, Scales
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,9 +36,7 @@ __all__ = ["OrbitProblem", "follow_from"]
 
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
 
-_ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
 _REMESHED = 12  # most times that the meshes of one orbit are moved
-_FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
 _NONE = np.empty(0)
 _NO_STEPS = np.empty((0, 2))
 
@@ -215,7 +213,7 @@ class OrbitProblem(Discretised):
         A state that comes near 0 and keeps its sign grows again from what it is there, which must be exact.
         """
         least = float(self.state_scale.min())
-        self._atol = self.tol * max(min(1.0, least), _ABOVE_ROUNDING * least) * self._nearest
+        self._atol = self.tol * max(min(1.0, least), ABOVE_ROUNDING * least) * self._nearest
 
     def _adapt(self, u: NDArray[np.float64]) -> int | None:
         """Make meshes with steps as long as the tolerance allows, implicit ones where the flow is stiff.
@@ -319,7 +317,7 @@ class OrbitProblem(Discretised):
         terms = np.empty((n, n))
         self.equations.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
         self._least = EPS / self.tol * period * terms.sum(axis=1)
-        self._moves = terms > _FAINT
+        self._moves = terms > MOVES_NOTHING
 
     def rescale(self, survey: Survey) -> None:
         """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""

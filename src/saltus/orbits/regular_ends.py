@@ -11,14 +11,12 @@ import numpy as np
 
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, Signature
+from saltus.scales import MET_AT_END, PARALLEL_GRADIENTS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["settle_signature"]
-
-_ON = 1e-8  # event function, over its variation with the states' sizes, up to which a state lies on the surface
-_ALONG = 1e-4  # part of a gradient across another one, over its length, up to which the two are parallel
 
 
 def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64]]:
@@ -80,7 +78,11 @@ def _at_once(problem: OrbitProblem, segment: int, block: NDArray[np.float64]) ->
     for state in (x, x + duration * moved):
         compiled.call("event_x", own, 0, state, p, seen)
         reach, speed = (float(np.abs(part) @ problem.state_scale) for part in (seen[2 : 2 + n], seen[2 + n :]))
-        if not (abs(seen[0]) <= _ON * reach and abs(duration * seen[1]) <= _ON * reach and abs(seen[1]) > _ON * speed):
+        if not (
+            abs(seen[0]) <= MET_AT_END * reach
+            and abs(duration * seen[1]) <= MET_AT_END * reach
+            and abs(seen[1]) > MET_AT_END * speed
+        ):
             return False
         rates.append(float(seen[1]))
     return rates[0] * rates[1] > 0.0
@@ -100,7 +102,7 @@ def _laid_on(
     compiled.call("event_x", own, 0, x, problem.extended, height)
     slope = height[2 : 2 + n] * problem.state_scale
     size = float(np.linalg.norm(slope))
-    if not abs(height[0]) < _ON * float(np.abs(slope).sum()):
+    if not abs(height[0]) < MET_AT_END * float(np.abs(slope).sum()):
         return False
     apart = followed()
     if apart is None:  # no flow that Newton's method could go on from either
@@ -111,6 +113,6 @@ def _laid_on(
     through = (moved.reshape(n, n).T @ height[2 : 2 + n]) * problem.state_scale
     other = last[2 : 2 + n] * problem.state_scale
     reach = float(np.linalg.norm(through))
-    if reach < _ALONG * size:  # the reset alone lays motions on the surface
+    if reach < PARALLEL_GRADIENTS * size:  # the reset alone lays motions on the surface
         return True
-    return abs(float(through @ other)) > (1.0 - _ALONG) * reach * float(np.linalg.norm(other))
+    return abs(float(through @ other)) > (1.0 - PARALLEL_GRADIENTS) * reach * float(np.linalg.norm(other))

@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.flow.invariant_planes import staying
 from saltus.flow.shares import shares_of
-from saltus.scales import Verdict, followed, zero
+from saltus.scales import NEAR_ZERO, NEARBY, NEAREST_TO_ZERO, ORBIT_NOTHING, RESTING, Verdict, followed, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,13 +17,7 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
     from saltus.system import HybridSystem
 
-__all__ = ["NEAR_ZERO", "RESTING", "at_rest", "guess_on_plane", "nearest_to_zero", "on_its_plane", "sizes_nearby"]
-
-RESTING = 1e-9  # size of a state, over the largest one's, below which it rests at zero unless another one moves it
-_NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
-NEAR_ZERO = 1e-3  # least modulus of a state that keeps its sign, over its largest one, from which nothing is asked
-_NEAREST = 1e-12  # the least that is asked for
-_NOTHING = 1e-13  # size of an orbit above which it is no rounding of 0
+__all__ = ["at_rest", "guess_on_plane", "nearest_to_zero", "on_its_plane", "sizes_nearby"]
 
 
 class Equations(Protocol):
@@ -90,20 +84,20 @@ def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> 
         if np.all(np.isfinite(J)):
             moved = np.abs(J[:, problem.size :]).reshape(problem.segments, problem.n + 1, -1).max(axis=(0, 2))[:count]
     top = float(moved.max())
-    if known.max() > _NEARBY * top and not _at_origin(problem, u, float(known.max())):
+    if known.max() > NEARBY * top and not _at_origin(problem, u, float(known.max())):
         return None
     return np.where(moved > RESTING * top, moved, top or 1.0)
 
 
 def _at_origin(problem: Equations, u: NDArray[np.float64], size: float) -> bool:
     """Whether an orbit of that size is the rest in the origin, but for rounding."""
-    if size > _NOTHING:
+    if size > ORBIT_NOTHING:
         return False
     origin = u.copy()
     for i in range(len(problem.system.states)):
         origin[i : problem.size : problem.n + 1] = 0.0
     gaps = problem.evaluate(origin)[0].reshape(problem.segments, problem.n + 1)[:, : len(problem.system.states)]
-    return bool(np.max(np.abs(gaps)) <= _NEARBY * size)
+    return bool(np.max(np.abs(gaps)) <= NEARBY * size)
 
 
 def nearest_to_zero(problem: Equations, survey: Survey) -> float:
@@ -124,7 +118,7 @@ def nearest_to_zero(problem: Equations, survey: Survey) -> float:
         if np.all(stay == zeros):
             break
         zeros = np.logical_and.reduce(stay)
-    return max(float(np.min(shares, where=zeros[:count], initial=1.0)), _NEAREST)
+    return max(float(np.min(shares, where=zeros[:count], initial=1.0)), NEAREST_TO_ZERO)
 
 
 def on_its_plane(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:

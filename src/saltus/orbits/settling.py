@@ -13,6 +13,7 @@ from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.sizes import ATOL, EPSILON, MOST_KEPT, RTOL, STEPS_KEPT, Sizes, sizes_from
 from saltus.flow.stretch import dense_states
 from saltus.orbits.signature import EVENT_END, Signature
+from saltus.scales import COMES_TO_REST, UNMOVED
 from saltus.system.angles import TURN, wrapped
 
 if TYPE_CHECKING:
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["Stretch", "cycle_of", "event_log", "follow", "rest_of", "sizes_of"]
 
 _SAMPLES = 8  # of a step
-_STILL = 1e-9  # change of a state over a stretch, relative to its size, that is none
-_NEARER = 1e-2  # share of its distance from an equilibrium that a motion keeps, at the most, where it comes to rest
 _NEWTON = 30  # Newton steps to an equilibrium, at most
 _FOR_EVER = 1e200  # time to which the steps of a motion at rest soon grow
 
@@ -120,14 +119,14 @@ def rest_of(
     """
     after = seen.states[-1]
     rate, _ = _jacobian(system, p, after, seen.mode)
-    still = bool(np.all(np.abs(rate) * seen.log.t_end <= _STILL * size))
+    still = bool(np.all(np.abs(rate) * seen.log.t_end <= UNMOVED * size))
     found = _equilibrium(system, p, after, seen.mode, size)
     if found is None:
         return after if still else None
     x, J = found
     stable = bool(np.all(np.linalg.eigvals(J).real < 0.0))
     gap = np.max(np.abs(wrapped(np.array([before, after]) - x, system.angle_places)) / size, axis=1)
-    if (stable and gap[1] <= max(_NEARER * gap[0], _STILL)) or (still and gap[1] <= _STILL):
+    if (stable and gap[1] <= max(COMES_TO_REST * gap[0], UNMOVED)) or (still and gap[1] <= UNMOVED):
         return x
     return None
 

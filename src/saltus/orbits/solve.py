@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from saltus import checks
+from saltus import checks, scales
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.sticking import check_continuous
 from saltus.linear_threads import one_thread
@@ -30,7 +30,6 @@ from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.stability.floquet import nontrivial, undecided
 from saltus.orbits.winding import unwrapped
-from saltus.scales import FINEST, SETTLED, SOLVED, followed, near
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -46,12 +45,7 @@ if TYPE_CHECKING:
 __all__ = ["check_fields", "check_tol", "converge", "solve_orbit", "solve_unknowns"]
 
 _PATIENCE = 40, 1e-3  # Newton steps, at most, and the least factor on one
-_STEP_AT_ROUNDING = 1e-6  # the same where the residual is rounding
-_RESIDUAL_ROUNDING = 1e-13  # residual, over the largest state's size, that is rounding
-_VANISHED = 1e-3  # share of the guess's period below which an orbit has vanished; its square, of the guess's extent
-_RESIDUAL_LEAST = 1e-11  # residual, over the largest state's size, that no nearer guess makes smaller
 _REMESHED = 12  # most times that the meshes of one orbit are moved
-_PERHAPS_ONE = 1e-2  # distance of a multiplier from 1 below which an orbit may be one of a family
 
 
 @overload
@@ -243,9 +237,9 @@ def converge(
         orbit = sound_orbit(problem, u, J)
     check_fields(problem)
     if undecided(problem, u, J, orbit.multipliers):
-        return converge(system, signature, given, p, FINEST)
+        return converge(system, signature, given, p, scales.FINEST)
     inner = nontrivial(orbit.multipliers, autonomous=system.phase is None)
-    if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
+    if np.any(np.abs(inner - 1.0) < scales.PERHAPS_OF_FAMILY) and of_a_family(first, given):
         raise ConvergenceError(ISOLATED, orbit.residual, 0, why_a_family(first, given))
     return orbit
 
@@ -262,7 +256,7 @@ def _has_it(system: HybridSystem, signature: Signature, p: NDArray[np.float64], 
         return False
     rate = float(system.compiled.field(0, np.zeros(len(system.all_states)), p)[-1])
     period = 2.0 * math.pi * signature.turns / rate
-    if not near(wish.value, period, 0.0, SOLVED):
+    if not scales.near(wish.value, period, 0.0, scales.SOLVED):
         allowed = f"{period:.12g}, the period of the drive over {signature.turns} turns"
         raise InputError("fix['period']", wish.value, allowed, "another period needs a parameter to free, as free='w'")
     return True
@@ -359,7 +353,7 @@ def solve_unknowns(
             new = float(np.abs(F_new).max())
             if new <= (1.0 - 0.2 * factor) * size or (length < 1e-6 and new < 1e-6):
                 break
-            if length < SETTLED and landed.within(trial, F_new, J_new):
+            if length < scales.SETTLED and landed.within(trial, F_new, J_new):
                 break
             factor *= 0.5
             if factor < least:
@@ -374,16 +368,18 @@ def solve_unknowns(
                 raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
-        rounding = size < _RESIDUAL_ROUNDING * float(problem.state_scale.max()) and length < _STEP_AT_ROUNDING
-        if factor == 1.0 and (length < SETTLED or rounding):
+        rounding = (
+            size < scales.RESIDUAL_ROUNDING * float(problem.state_scale.max()) and length < scales.STEP_AT_ROUNDING
+        )
+        if factor == 1.0 and (length < scales.SETTLED or rounding):
             fine = problem.refine()
             survey = problem.survey(u) if fine else None
             coarse = survey is not None and survey.coarse
             if problem.signature.kinds[0] == CLOSED_END and u[problem.n] < 0.2 * given[problem.n]:
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
-            if u[problem.n :: problem.n + 1].sum() < _VANISHED * given[problem.n :: problem.n + 1].sum():
+            if u[problem.n :: problem.n + 1].sum() < scales.VANISHED * given[problem.n :: problem.n + 1].sum():
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
-            if _extent(problem, u) < _VANISHED**2 * extent:
+            if _extent(problem, u) < scales.VANISHED**2 * extent:
                 raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
             if survey is not None and not coarse:
                 return _accepted(problem, evaluate, landed if unfolded is None else None, (u, J), survey)
@@ -394,7 +390,7 @@ def solve_unknowns(
             if coarse:
                 problem.start(u)
             remeshed += 1
-            u, F, J = before_poles(problem, evaluate, u, followed(problem.tol))
+            u, F, J = before_poles(problem, evaluate, u, scales.followed(problem.tol))
             size = float(np.abs(F).max())
         elif length > 1e-2 or iteration == 0:
             u = _within_reach(problem, u)
@@ -433,9 +429,9 @@ def _extent(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
 
 def _why(problem: OrbitProblem, u: NDArray[np.float64], size: float, extent: float) -> str:
     """Return why Newton's steps lead no further than `u`, with that residual, from an orbit of that extent."""
-    if _extent(problem, u) < _VANISHED**2 * extent:
+    if _extent(problem, u) < scales.VANISHED**2 * extent:
         return f"it shrinks to a rest at [{', '.join(f'{value:.6g}' for value in u[: problem.n])}]"
-    if size < _RESIDUAL_LEAST * float(problem.state_scale.max()):
+    if size < scales.RESIDUAL_LEAST * float(problem.state_scale.max()):
         return "the equations are singular there, as at a saddle-node or a branch point"
     return "start from a nearer guess"
 

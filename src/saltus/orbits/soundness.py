@@ -16,9 +16,17 @@ from saltus.errors import ConvergenceError
 from saltus.orbits.landed import before_poles
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, SPEED, Survey
-from saltus.scales import INFINITE, followed
+from saltus.scales import (
+    GUESS_ROUNDED,
+    INFINITE,
+    RESIDUAL_CLEAR,
+    RESIDUAL_LEFT,
+    RESIDUAL_LOOSE,
+    RESTING,
+    SPEEDLESS,
+    followed,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,12 +34,6 @@ if TYPE_CHECKING:
     from saltus.orbits.unfolding import Fixed
 
 __all__ = ["check_solved", "sound_orbit"]
-
-_CLEAR = 1e-9  # residual, over the smallest state's size, up to which no further look is needed
-_LEFT = 1e-6  # largest residual of a solution, over the sizes of what is subtracted in it
-_ROUNDED = 1e-8  # size of a state, over that of the guess, below which what is left may be rounding of the guess
-_LOOSE = 100.0  # the same in relative tolerances of the flow, where that is more
-_SPEEDLESS = 1e-6  # rate of an event over a period, over its size, up to which it is met without speed
 
 
 def sound_orbit(
@@ -66,10 +68,10 @@ def check_solved(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) 
     sizes = np.maximum(np.abs(survey.lows[:count]), np.abs(survey.highs[:count]))
     if not (np.all(np.isfinite(u)) and np.all(np.isfinite(sizes))):
         raise ConvergenceError(what, math.inf, 0, "the states are not finite; start from a nearer guess")
-    if survey.residual <= _CLEAR * float(sizes.min()):
+    if survey.residual <= RESIDUAL_CLEAR * float(sizes.min()):
         return
     left = _left(problem, u)
-    if not left <= max(_LEFT, _LOOSE * problem.tol):
+    if not left <= max(RESIDUAL_LEFT, RESIDUAL_LOOSE * problem.tol):
         hint = "of the orbit's own size is left of its equations: it is too unstable to be held in so few pieces"
         raise ConvergenceError(what, left, 0, f"{left:.1e} {hint}, or the guess is too far")
 
@@ -81,7 +83,7 @@ def _left(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
     own, F, _ = before_poles(fresh, fresh.resolve, own, followed(problem.tol), afresh=True)
     n, rows = fresh.n, F.reshape(fresh.segments, fresh.n + 1)
     count = len(fresh.system.states)
-    known = np.maximum(fresh.state_scale, _ROUNDED * problem.state_scale)
+    known = np.maximum(fresh.state_scale, GUESS_ROUNDED * problem.state_scale)
     known[:count] = np.maximum(known[:count], RESTING * float(known[:count].max()))
     left = float(np.max(np.abs(rows[:, :n]) / known))
     sizes, period = fresh.event_sizes(own), float(np.abs(own[n :: n + 1]).sum())
@@ -99,4 +101,4 @@ def _speedless(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey, va
         return False
     met = np.isin(kinds, (EVENT_END, MEAN_END))
     period = float(u[problem.n : problem.size : problem.n + 1].sum())
-    return bool(np.any(met & (np.abs(survey.rates[:, 0]) * period < _SPEEDLESS * problem.event_sizes(u))))
+    return bool(np.any(met & (np.abs(survey.rates[:, 0]) * period < SPEEDLESS * problem.event_sizes(u))))

@@ -24,6 +24,7 @@ from saltus.errors import InputError
 from saltus.orbits.observables.gradients import gradient_of
 from saltus.orbits.observables.quantities import Quantity, read_quantity, sizes_of_unknowns
 from saltus.orbits.stability.critical import scaling
+from saltus.scales import DEFICIENT, GAP_TURNED, GRADIENT_KEPT, LEAST_APART
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,11 +34,6 @@ if TYPE_CHECKING:
     from saltus.system import HybridSystem
 
 __all__ = ["Fixed", "UnfoldedEquations", "fixed_from", "read_fixed", "unit_of_parameter"]
-
-_SAME = 1e-8  # change of the unknowns, over their sizes, within which a quantity's gradient is kept
-_PARTED = 0.3  # least singular value, over the next one, above which a left null vector is not known
-_VANISHING = 1e-8  # singular value, over the largest, that is rounding of 0
-_TURNED = 0.8  # cosine of the angle between the gap and the left null vector below which the gap is turned
 
 
 @dataclass(frozen=True)
@@ -115,7 +111,7 @@ class UnfoldedEquations:
         wide = self.problem.size + 1
         if self._known is not None:
             moved = np.abs(u[:wide] - self._known[0]) / np.append(sizes_of_unknowns(self.problem, u), 1.0)
-            if self.quantity.kind == "period" or float(moved.max()) < _SAME:
+            if self.quantity.kind == "period" or float(moved.max()) < GRADIENT_KEPT:
                 return self._known[1]
         found = np.zeros(wide)
         gradient = gradient_of(self.quantity, self.problem, u)
@@ -142,11 +138,11 @@ class UnfoldedEquations:
         if not np.any(self.gap):
             self.gap = left[:, -1] / rows
             return True
-        if values.size > 1 and values[-1] > _PARTED * values[-2]:
+        if values.size > 1 and values[-1] > LEAST_APART * values[-2]:
             return False
         own = self.gap * rows
         cosine = float(own @ left[:, -1]) / float(np.linalg.norm(own))
-        if abs(cosine) > _TURNED:
+        if abs(cosine) > GAP_TURNED:
             return False
         self.gap = np.copysign(1.0, cosine) * left[:, -1] / rows
         return True
@@ -181,7 +177,7 @@ class UnfoldedEquations:
         """Return how many singular values of the segment equations, over the largest, are rounding of 0."""
         m = self.problem.size
         values = np.linalg.svd(self.scaled(u, J)[:m, :m], compute_uv=False)
-        return int(np.sum(values < _VANISHING * values[0]))
+        return int(np.sum(values < DEFICIENT * values[0]))
 
 
 def unit_of_parameter(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> float:

@@ -7,6 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.scales import (
+    ALL_AT_ZERO,
+    EIGENVALUE_DIGITS,
+    NEWTON_REFUSED,
+    RESTING,
+    VERIFIED_STATE,
+    VERIFIED_SURFACE,
+    VERIFIED_VALUE,
+)
 from saltus.verification.reference import MapReference, Reference
 from saltus.verification.spectra import matched, multiplier_condition, spectrum
 from saltus.verification.table import Row, compared, equal, unchecked
@@ -21,14 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["EquilibriumCheck", "MapOrbitCheck", "sizes_of"]
 
-_STATE = 1e-8  # allowed distance of a solution from the one that Newton's method finds, over the states' sizes
 _STEPS = 6  # steps of Newton's method
-_CRITICAL = 1e-6  # allowed distance of a critical eigenvalue from its place, over the largest modulus
-_SURFACE = 1e-7  # the same of an event function, over its variation with the states' sizes
-_RESTING = 1e-9  # modulus of a state, over the largest one's, up to which it has no size of its own
-_NOTHING = 1e-12  # modulus of the largest state up to which all are at 0
-_ROUNDING = 1e-14  # accuracy of an eigenvalue, over the largest rate of the Jacobian nearby
-_DEGENERATE = 1e-13  # relative size of a Jacobian's least singular value, from which on Newton's method is not asked
 
 
 class EquilibriumCheck:
@@ -50,7 +52,7 @@ class EquilibriumCheck:
         self.reference = Reference(equilibrium.system, equilibrium.parameters)
         self.mode = equilibrium.system.mode_index(equilibrium.mode)
         A = self.reference.field_slope(self.mode, equilibrium.state)
-        values, uncertain = spectrum([A], np.ones(len(A)), least=_ROUNDING * self._rate(A))
+        values, uncertain = spectrum([A], np.ones(len(A)), least=EIGENVALUE_DIGITS * self._rate(A))
         order = np.argsort(-values.real, kind="stable")
         self.values, self.uncertain = values[order], uncertain[order]
 
@@ -92,7 +94,7 @@ class EquilibriumCheck:
         real = np.sort(np.abs(values))
         pairs = np.sort(np.abs(values.real[values.imag > 1e-6 * top]))
         name = "critical eigenvalue" if multiplicity == 1 else f"critical eigenvalues, {multiplicity} of them"
-        allowed = max(_CRITICAL * top if multiplicity == 1 else math.sqrt(_CRITICAL) * top, least)
+        allowed = max(VERIFIED_VALUE * top if multiplicity == 1 else math.sqrt(VERIFIED_VALUE) * top, least)
         match kind:
             case "SN" | "BP" | "CP":
                 return [compared(name, 0.0, float(real[multiplicity - 1]), allowed)]
@@ -101,7 +103,7 @@ class EquilibriumCheck:
                     return [compared(name, 0.0, math.nan, allowed)]
                 return [compared(name, 0.0, float(pairs[multiplicity - 1]), allowed)]
             case "BT":
-                return [compared("two eigenvalues 0", 0.0, float(real[1]), max(math.sqrt(_CRITICAL) * top, least))]
+                return [compared("two eigenvalues 0", 0.0, float(real[1]), max(math.sqrt(VERIFIED_VALUE) * top, least))]
             case "SNSN":
                 return [compared("two eigenvalues 0", 0.0, float(real[1]), allowed)]
             case "ZH":
@@ -146,7 +148,7 @@ class MapOrbitCheck:
             _gap(orbit, reference.image(piece, x[:, None])[:, 0], orbit.points[(i + 1) % orbit.period])
             for i, (piece, x) in enumerate(zip(orbit.itinerary, orbit.points, strict=True))
         ]
-        rows.append(compared("image of each point", 0.0, float(np.max(np.abs(gaps) / sizes)), _STATE))
+        rows.append(compared("image of each point", 0.0, float(np.max(np.abs(gaps) / sizes)), VERIFIED_STATE))
         values, uncertain = self.values, self.uncertain
         rows += [
             compared(f"multiplier {i + 1}", complex(one), complex(other), allowed)
@@ -177,8 +179,8 @@ def _first_pair(pairs: NDArray[np.float64], allowed: float) -> list[Row]:
 def sizes_of(states: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest moduli of the states; those that are nearly 0 have the size of the largest, or 1."""
     sizes = np.abs(np.atleast_2d(states)).max(axis=0)
-    top = float(sizes.max()) if float(sizes.max()) > _NOTHING else 1.0
-    return np.asarray(np.where(sizes > _RESTING * top, sizes, top))
+    top = float(sizes.max()) if float(sizes.max()) > ALL_AT_ZERO else 1.0
+    return np.asarray(np.where(sizes > RESTING * top, sizes, top))
 
 
 def _image(reference: MapReference, orbit: MapOrbit, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -215,14 +217,14 @@ def _place(
         scaled = slope(u) * sizes
         rows = np.abs(scaled).max(axis=1, keepdims=True)
         values = np.linalg.svd(scaled / np.where(rows > 0.0, rows, 1.0), compute_uv=False)
-        if values[-1] <= _DEGENERATE * values[0]:
+        if values[-1] <= NEWTON_REFUSED * values[0]:
             return [unchecked("place", 0.0, "the Jacobian is singular")]
         condition = float(values[0] / values[-1])
         step = np.linalg.solve(scaled, equations(u)) * sizes
         u = u - step
         if float(np.max(np.abs(step) / sizes)) < 1e-15:
             break
-    allowed = _STATE * max(1.0, 1e-8 * condition)
+    allowed = VERIFIED_STATE * max(1.0, 1e-8 * condition)
     return [compared("distance from Newton's solution", 0.0, float(np.max(np.abs(u - x) / sizes)), allowed)]
 
 
@@ -236,7 +238,7 @@ def _regularity(reference: Reference, equilibrium: Equilibrium, mode: int, sizes
     for k in reference.ways_out(mode):
         height = float(reference.event(k, x)[0]) * equilibrium.system.transitions[k].direction
         gradient = reference.event_slope(k, equilibrium.state)
-        if height > _SURFACE * float(np.abs(gradient) @ sizes) and reference.allows(k, x)[0]:
+        if height > VERIFIED_SURFACE * float(np.abs(gradient) @ sizes) and reference.allows(k, x)[0]:
             regular = False
     return equal("regular", equilibrium.regular, regular)
 
@@ -249,4 +251,4 @@ def _on_surface(equilibrium: Equilibrium) -> Row:
     for k in reference.ways_out(mode):
         gradient = reference.event_slope(k, x)
         heights.append(abs(float(reference.event(k, x[:, None])[0])) / (float(np.abs(gradient) @ sizes) or 1.0))
-    return compared("distance from the nearest surface", 0.0, min(heights, default=math.nan), _SURFACE)
+    return compared("distance from the nearest surface", 0.0, min(heights, default=math.nan), VERIFIED_SURFACE)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.scales import VERIFIED_ENDS, VERIFIED_SEGMENT
 from saltus.verification.reference import Reference, differences, stencil
 
 if TYPE_CHECKING:
@@ -23,8 +24,6 @@ _RTOL_STIFF = 1e-10  # relative tolerance of implicit steps, of order 5
 _MOST_STIFF = 400_000  # evaluations of the field by these, at most: some 20 s
 _FINE = 1e-4  # error of an extreme's place, over the distance of samples
 _SAMPLES = 400  # states of a segment at which events and extremes are looked for
-_LOW = 1e-8  # largest distance of a segment from a surface, over the event's unit, up to which it is the method's error
-_ENDS = 1e-7  # share of a duration next to a segment's ends in which an event is that of the end
 
 
 class UnfollowedError(Exception):
@@ -188,8 +187,8 @@ def contacts(
     h = reference.event(transition, piece.states)
     unit = _unit(reference, transition, piece, sizes)
     found: list[tuple[float, float, float]] = []
-    ends = _ENDS + late / abs(float(piece.times[-1])) if piece.times[-1] else 1.0
-    if float(np.abs(h).max()) < _LOW * unit:
+    ends = VERIFIED_ENDS + late / abs(float(piece.times[-1])) if piece.times[-1] else 1.0
+    if float(np.abs(h).max()) < VERIFIED_SEGMENT * unit:
         return found
     for i in np.flatnonzero((h[:-1] < 0.0) != (h[1:] < 0.0)):
         span = piece.times[i + 1] - piece.times[i]

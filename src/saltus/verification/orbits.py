@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits.signature import EVENT_END, MEAN_END
-from saltus.scales import FINEST, followed
+from saltus.scales import (
+    FINEST,
+    RESTING,
+    VERIFIED_EXTREME,
+    VERIFIED_GAP,
+    VERIFIED_INFINITE,
+    VERIFIED_REST,
+    VERIFIED_SHRUNK,
+    VERIFIED_SPEED,
+    VERIFIED_TIME,
+    VERIFIED_TOUCH,
+    followed,
+)
 from saltus.verification.motion import Calls, Piece, UnfollowedError, contacts, extremes, follow, projection, touching
 from saltus.verification.reference import Reference
 from saltus.verification.spectra import (
@@ -29,17 +41,8 @@ if TYPE_CHECKING:
 
 __all__ = ["OrbitCheck"]
 
-_GAP = 1e-9  # allowed distance of a segment's end from the next start, over the states' sizes
 _PARTS = 8  # parts of a period with a derivative each
-_TIME = 1e-8  # allowed error of a duration, over the period
-_SLOW = 1e-5  # rate of an event function, in its unit and the period, below which its time is not determined
-_INFINITE = 1e9  # modulus from which on a multiplier is that of an event met without speed
-_TOUCHES = 1e-6  # allowed distance of a grazing orbit from its surface, over the surface's unit
-_EXTREME = 1e-7  # allowed error of an extreme, over the quantity's size
-_REST = 1e-7  # way of the states in a period, over their sizes, up to which an orbit is an equilibrium
-_SHRUNK = 1e-6  # relative accuracy of the imaginary pair of a cycle that has shrunk to an equilibrium
 _STEPS = 4  # steps of Newton's method from such a cycle to the equilibrium
-_RESTING = 1e-9  # size of a state, over the largest one, up to which it has none of its own
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,7 @@ class OrbitCheck:
             return [unchecked(f"type {kind}", kind, "SciPy cannot follow the motion")]
         if kind == "GR":
             distance = _least_contact(self.found)
-            allowed = _TOUCHES + self.found.loose
+            allowed = VERIFIED_TOUCH + self.found.loose
             return [compared("least distance from a contact without speed", 0.0, distance, allowed)]
         known = self.found.uncertain if self.orbit.tolerance > FINEST else np.zeros_like(self.found.uncertain)
         return multiplier_condition(self.found.multipliers, kind, multiplicity, float(known.max(initial=0.0)))
@@ -169,7 +172,7 @@ def _sizes(orbit: PeriodicOrbit) -> NDArray[np.float64]:
     if orbit.system.phase is not None:
         sizes[-1] = 2.0 * math.pi
     own = sizes[: len(orbit.system.states)]
-    own[own <= _RESTING * float(own.max())] = float(own.max()) or 1.0
+    own[own <= RESTING * float(own.max())] = float(own.max()) or 1.0
     return np.asarray(sizes)
 
 
@@ -194,7 +197,7 @@ def _across(
 
 def _closing(orbit: PeriodicOrbit, found: FollowedOrbit) -> Row:
     gaps = np.abs(found.gaps) / found.sizes
-    allowed = _GAP + found.error * found.growth
+    allowed = VERIFIED_GAP + found.error * found.growth
     i = int(np.argmax(gaps.max(axis=1) / allowed))
     return compared(f"gap behind segment {i}", 0.0, float(gaps[i].max()), float(allowed[i]))
 
@@ -211,8 +214,8 @@ def _durations(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
         h = float(reference.event(transition, piece.end[:, None])[0])
         unit = float(np.abs(gradient) @ found.sizes) or 1.0
         name = orbit.system.transition_names[transition]
-        allowed = _TIME + found.error * found.growth[i]
-        if abs(rate) * orbit.period < _SLOW * unit:
+        allowed = VERIFIED_TIME + found.error * found.growth[i]
+        if abs(rate) * orbit.period < VERIFIED_SPEED * unit:
             rows.append(compared(f"event {name}", 0.0, h / unit, allowed))
         else:
             duration = float(orbit.durations[i])
@@ -224,7 +227,7 @@ def _multipliers(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
     said = orbit.multipliers
     if orbit.system.phase is None:
         said = said[:-1]
-    if np.any(np.abs(said) > _INFINITE):
+    if np.any(np.abs(said) > VERIFIED_INFINITE):
         return [unchecked("multipliers", complex(said[0]), "an event has no speed: they are infinite")]
     if not np.all(np.isfinite(found.multipliers)):
         return [unchecked("multipliers", complex(said[0]), "beyond the floats, or too near each other")]
@@ -248,7 +251,7 @@ def _extremes(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
         size = max(abs(orbit.lows[q]), abs(orbit.highs[q]))
         if name == phase or not math.isfinite(size):
             continue
-        allowed = (_EXTREME + found.loose) * size + 1e-14 * float(found.sizes.max())
+        allowed = (VERIFIED_EXTREME + found.loose) * size + 1e-14 * float(found.sizes.max())
         rows.append(compared(f"min {name}", float(orbit.lows[q]), float(lows[q]), allowed))
         rows.append(compared(f"max {name}", float(orbit.highs[q]), float(highs[q]), allowed))
     return rows
@@ -273,9 +276,9 @@ def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
             gradient = reference.event_slope(k, piece.end)
             rate = float(gradient @ reference.field(piece.mode, piece.end))
             unit = (float(np.abs(gradient) @ found.sizes) or 1.0) / orbit.period
-            if rate * orbit.system.transitions[k].direction < -_SLOW * unit:
+            if rate * orbit.system.transitions[k].direction < -VERIFIED_SPEED * unit:
                 reasons.append(f"direction of segment {i}")
-            touches = abs(rate) <= _SLOW * unit and k in orbit.system.velocity_conditions
+            touches = abs(rate) <= VERIFIED_SPEED * unit and k in orbit.system.velocity_conditions
             if not touches and not reference.allows(k, piece.end[:, None])[0]:
                 reasons.append(f"condition of segment {i}")
     return reasons
@@ -286,7 +289,7 @@ def _is_rest(orbit: PeriodicOrbit) -> bool:
     if orbit.system.phase is not None:
         return False
     rate = Reference(orbit.system, orbit.parameters).field(orbit.form.modes[0], orbit.states[0][:, None])[:, 0]
-    return bool(np.max(np.abs(rate) / _sizes(orbit)) * orbit.period < _REST)
+    return bool(np.max(np.abs(rate) / _sizes(orbit)) * orbit.period < VERIFIED_REST)
 
 
 def _shrunk_rows(orbit: PeriodicOrbit) -> list[Row]:
@@ -299,8 +302,8 @@ def _shrunk_rows(orbit: PeriodicOrbit) -> list[Row]:
     values = np.linalg.eigvals(reference.field_slope(mode, x))
     pair = values[np.argmin(np.abs(values - 2.0j * math.pi / orbit.period))]
     return [
-        compared("critical eigenvalue", 0.0, float(pair.real), _SHRUNK * abs(pair)),
-        compared("period", orbit.period, 2.0 * math.pi / abs(pair.imag), _SHRUNK * orbit.period),
+        compared("critical eigenvalue", 0.0, float(pair.real), VERIFIED_SHRUNK * abs(pair)),
+        compared("period", orbit.period, 2.0 * math.pi / abs(pair.imag), VERIFIED_SHRUNK * orbit.period),
     ]
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.scales import FINEST, SENSITIVITIES, followed
+from saltus.scales import DOUBLES_SUFFICE, FINEST, SENSITIVITIES, VERIFIED_EIGENVALUE, VERIFIED_MULTIPLIER, followed
 from saltus.verification.table import Row, compared, unchecked
 
 if TYPE_CHECKING:
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["growth_on_the_way", "has_multiplier_condition", "matched", "multiplier_condition", "spectrum"]
 
 _DIGITS = 60  # of the arithmetic in which a product and its eigenvalues are computed
-_SPREAD = 1e5  # ratio of a product's norm to an eigenvalue from which on doubles lose digits
-_LEAST = 1e-9  # absolute accuracy that is asked of any multiplier
-_ROUNDING = 1e-12  # accuracy of an eigenvalue, over the norm
 _AT_ONE = {"SN": 1.0, "BP": 1.0, "CP": 1.0, "PD": -1.0, "GPD": -1.0}  # places of critical multipliers
 _ON_CIRCLE = ("TR", "CH")  # types with a pair on the unit circle
 _AT_ANGLES = {"R1": 0.0, "R2": math.pi, "R3": 2.0 * math.pi / 3.0, "R4": 0.5 * math.pi}  # their angles at resonances
@@ -42,7 +39,7 @@ def spectrum(
     steps: Sequence[NDArray[np.float64]],
     sizes: NDArray[np.float64],
     dropped: int = 0,
-    least: float = _LEAST,
+    least: float = VERIFIED_MULTIPLIER,
     error: float | None = None,
     *,
     zeros: bool = False,
@@ -78,13 +75,13 @@ def spectrum(
     condition = 1.0 / np.maximum(np.abs(np.sum(left.conj() * right, axis=0)), 1e-8)
     error = followed(FINEST) if error is None else error
     level = error * growth_on_the_way(steps, sizes)  # what the factors' errors leave of an eigenvalue
-    if norm > _SPREAD * float(np.abs(values).min(initial=1.0)):
+    if norm > DOUBLES_SUFFICE * float(np.abs(values).min(initial=1.0)):
         precise = _many_digits(scaled)
         if not np.all(np.isfinite(precise)):
             return np.full(values.size - dropped, complex(math.nan)), np.full(values.size - dropped, math.inf)
         order = _order(precise, values)
         values, condition = precise, condition[order]
-    uncertain = np.minimum(condition * level, np.sqrt(level * max(norm, 1.0))) + max(least, _ROUNDING * norm)
+    uncertain = np.minimum(condition * level, np.sqrt(level * max(norm, 1.0))) + max(least, VERIFIED_EIGENVALUE * norm)
     if zeros:
         whole = functools.reduce(lambda before, step: step @ before, scaled[:-1])
         uncertain += SENSITIVITIES * error * float(np.linalg.norm(whole, 2))

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from saltus.scales import LEAST_ALLOWANCE
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -17,7 +19,6 @@ DIFFERS = "differs"  # verdict: they are not
 UNCHECKED = "not checked"  # verdict: no independent value is known
 
 _WIDTH = 22  # characters of a value in a `repr`
-_TINY = 1e-300  # least allowance by which a difference is divided
 
 
 class Row(NamedTuple):
@@ -152,7 +153,7 @@ def placed(place: str, rows: Iterable[Row]) -> list[Row]:
 
 
 def _share(row: Row) -> float:
-    share = row.difference / max(row.allowed, _TINY)
+    share = row.difference / max(row.allowed, LEAST_ALLOWANCE)
     return share if math.isfinite(share) else -1.0
 
 

@@ -14,10 +14,11 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.core.locating import events_between
-from saltus.continuation.core.verdicts import ANGLE, CROWDED, DEVIATION, FOLDS, TAKEN
+from saltus.continuation.core.verdicts import ANGLE, DEVIATION, FOLDS, TAKEN
 from saltus.continuation.core.within_step import dips
 from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, correct
 from saltus.errors import InputError
+from saltus.scales import CROWDED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

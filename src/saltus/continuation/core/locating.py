@@ -10,24 +10,26 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.signs import changed_signs
-from saltus.continuation.core.verdicts import CROWDED
 from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, hermite
+from saltus.scales import (
+    CROWDED,
+    LOCATING_STALLED,
+    MONITOR_JUMPS,
+    MONITOR_SIGN,
+    MONITOR_ZERO,
+    NEWTON_CONVERGED,
+    PLACES_ALIKE,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["events_between", "locate"]
 
-_ZERO = 1e-6  # monitor function at an event, over its values at the step's ends, up to which its sign is rounding
-_JUMP = 1e-3  # monitor function at a located zero, over its values at the step's ends, beyond which it is a jump
-_SETTLED = 1e-9  # largest relative Newton step of a located point
-_STALLED = 1e-7  # the same where rounding keeps Newton steps from shrinking further
 _ROOTED = 8  # places tried from which on the function is taken for a root of the distance from its zero
 _LONG = 6  # points corrected from which on the last two predict the next one, not the last alone
 _HALVED = 16  # the same, from which on the bracket is halved
 _FARTHER = 1e3  # how much farther a zero may move than the point at which it was sought
-_ASIDE = 1e-6  # share of a step between two places, up to which they tell the same of the branch
-_EXACT = 1e-11  # monitor function, over its values at the step's ends, that counts as zero
 
 
 def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
@@ -66,7 +68,9 @@ def _located(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb:
     wide = name in problem.singular and name not in problem.noise and least > 0.0
     for unit in (least, largest) if wide else (largest,):
         event = locate(problem, name, a, b, fa, fb, unit)
-        if event is not None and abs(event.value) <= (max(_JUMP * least, _EXACT * largest) if wide else _JUMP * unit):
+        if event is not None and abs(event.value) <= (
+            max(MONITOR_JUMPS * least, MONITOR_ZERO * largest) if wide else MONITOR_JUMPS * unit
+        ):
             return event
     return None
 
@@ -128,7 +132,7 @@ def _overlooked(events: list[Event], a: Point, b: Point, changed: set[Any]) -> A
                 continue
             expected = start if event.point.arc < places.get(name, math.inf) else end
             size = max((abs(x) for x in (start, end) if math.isfinite(x)), default=0.0)
-            if (value < 0.0) != (expected < 0.0) and abs(value) > _ZERO * size:
+            if (value < 0.0) != (expected < 0.0) and abs(value) > MONITOR_SIGN * size:
                 return name
     return None
 
@@ -156,7 +160,7 @@ def locate(
     near, tried = False, 0
     scale = problem.scale()
     unit = unit or max(abs(fa), abs(fb))
-    floor = problem.noise.get(name, _EXACT) * unit
+    floor = problem.noise.get(name, MONITOR_ZERO) * unit
     previous = math.inf
     for asked in range(60):
         base, tangent = hermite(a, b, length, s), _hermite_slope(a, b, length, s)
@@ -173,14 +177,16 @@ def locate(
             size = float(np.abs(step / scale).max())
         if residual <= 1e-13:
             step, size = np.zeros_like(step), 0.0
-        if sign == 0.0 and (name in problem.singular or (_certain(problem, name) and abs(s - known[-1][0]) < _ASIDE)):
+        if sign == 0.0 and (
+            name in problem.singular or (_certain(problem, name) and abs(s - known[-1][0]) < PLACES_ALIKE)
+        ):
             point = Point(u, J, tangent, a.weights, sign, log, residual, 1, a.arc + s * length)
             point.examined = problem.examine(point, None)
             return Event(name, point, 0.0)
         if sign == 0.0 or not size < 1e3:
             return None
         bend = bend + step / max(shape, 1e-2 if name in problem.singular else 1e-12)
-        bends = [*[other for other in bends if abs(other[0] - s) > _ASIDE][-1:], (s, bend)]
+        bends = [*[other for other in bends if abs(other[0] - s) > PLACES_ALIKE][-1:], (s, bend)]
         if not problem.accurate():
             continue
         direction = steps[:, 1] / math.sqrt(float(a.weights @ steps[:, 1] ** 2))
@@ -189,7 +195,7 @@ def locate(
         if not math.isfinite(f):
             return None
         # badly conditioned equations leave steps that do not shrink further
-        settled = size < _SETTLED or (size < _STALLED and size > 0.8 * previous)
+        settled = size < NEWTON_CONVERGED or (size < LOCATING_STALLED and size > 0.8 * previous)
         previous = size
         if settled and (abs(f) <= floor or high - low < 1e-12):
             before = point.u.copy()

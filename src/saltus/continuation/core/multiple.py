@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import ConvergenceError
+from saltus.scales import CENTRED, NEWTON_CONVERGED, REGULAR_SOLUTION, SINGULAR_AT_POINT, SOLUTIONS_ALIKE, TERMS_FAINT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["branches_at", "crossing", "crossing_point"]
 
-_SINGULAR = 1e-6  # singular value, over the largest, up to which it is 0
-_FAINT = 1e-12  # size of an equation's terms, over the largest, up to which it has no size of its own
 _NUDGE = 1e-6  # change of the unknowns, in their sizes, by which an equation without linear terms gets a size
 _AMPLITUDE = 1e-2  # distance from the point, in sizes of the unknowns, at which branches are sought first
 _FARTHER = 30.0  # factor by which it changes
@@ -34,17 +33,13 @@ _CIRCLE = 32  # starts in the plane
 _SPHERE = 60  # starts in each dimension of a larger space
 _ITERATIONS = 60  # most Newton steps
 _TURN = 0.3  # longest Newton step within the kernel, over the amplitude
-_CONVERGED = 1e-9  # Newton step, over the amplitude, of a converged solution
-_OPEN = 1e-3  # least singular value of a regular solution's equations, over what the parameter changes
 _FARTHEST = 100.0  # distance from the point, over the amplitude and over the sizes, up to which a solution is sought
-_SAME = 1e-3  # difference of a cosine from 1 up to which two solutions are on one branch
 _SECANTS = 12  # most interpolations between there
-_CENTRED = 1e-13  # their last change, over the distance
 
 
 def crossing(values: NDArray[np.floating[Any]]) -> int:
     """Return how many directions cross at once at a point, of the singular values of its Jacobian, largest first."""
-    return int(np.sum(values <= _SINGULAR * values[0]))
+    return int(np.sum(values <= SINGULAR_AT_POINT * values[0]))
 
 
 def crossing_point(
@@ -92,7 +87,7 @@ def crossing_point(
         if not -1.0 < new < 2.0:
             return None
         s, t, fs, ft = t, new, ft, growth(at(new))
-        if abs(t - s) < _CENTRED or ft in (0.0, fs):
+        if abs(t - s) < CENTRED or ft in (0.0, fs):
             return at(t)
     return at(t)
 
@@ -145,7 +140,7 @@ class _Search:
         J = evaluate(u)[1]
         terms = np.abs(J * sizes).max(axis=1)
         near = np.abs((evaluate(u + _NUDGE * sizes)[1] - J) * sizes).max(axis=1) / _NUDGE
-        terms = np.where(terms > _FAINT * terms.max(), terms, near)
+        terms = np.where(terms > TERMS_FAINT * terms.max(), terms, near)
         self._rows = 1.0 / np.where(terms > 0.0, terms, float(terms.max()) or 1.0)
         left, values, right = np.linalg.svd(J * sizes * self._rows[:, None])
         self.dimension = crossing(values)
@@ -170,7 +165,7 @@ class _Search:
             if z is None:
                 continue
             z = z if _positive(self._across.T @ (self._across @ z)) else self._opposite(amplitude, z)
-            if all(abs(self._cosine(z, other)) < 1.0 - _SAME for other in found):
+            if all(abs(self._cosine(z, other)) < 1.0 - SOLUTIONS_ALIKE for other in found):
                 found.append(z)
         return sorted(found, key=self._place)
 
@@ -182,7 +177,7 @@ class _Search:
     def _opposite(self, amplitude: float, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the solution on the other half of a branch; the given one where the branch has one half alone."""
         other = self._solved(amplitude, -(self._across @ z) / amplitude)
-        return z if other is None or self._cosine(z, other) > _SAME - 1.0 else other
+        return z if other is None or self._cosine(z, other) > SOLUTIONS_ALIKE - 1.0 else other
 
     def _cosine(self, z: NDArray[np.float64], other: NDArray[np.float64]) -> float:
         a, b = self._across @ z, self._across @ other
@@ -211,7 +206,7 @@ class _Search:
             z = z + min(1.0, _TURN * amplitude / turn if turn > 0.0 else 1.0) * step
             if not float(np.linalg.norm(z)) < _FARTHEST * max(1.0, amplitude):
                 return None
-            if float(np.linalg.norm(step)) < _CONVERGED * amplitude:
+            if float(np.linalg.norm(step)) < NEWTON_CONVERGED * amplitude:
                 return np.asarray(z)
         return None
 
@@ -224,7 +219,7 @@ class _Search:
         J = self._at(z)[1]
         slope = float(np.linalg.norm(self._critical.T @ (J @ self._own))) / amplitude
         least = float(np.linalg.svd(self._bordered(J, z, amplitude), compute_uv=False)[-1])
-        return least > _OPEN * slope * abs(float(self._own @ z)) > 0.0
+        return least > REGULAR_SOLUTION * slope * abs(float(self._own @ z)) > 0.0
 
 
 def _ways(dimension: int) -> NDArray[np.float64]:

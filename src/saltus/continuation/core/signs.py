@@ -10,8 +10,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from saltus.continuation.core.verdicts import CROWDED
-from saltus.scales import SMALLEST, Verdict, zero
+from saltus.scales import CROWDED, SMALLEST, Verdict, zero
 
 if TYPE_CHECKING:
     from saltus.continuation.core.zero_problem import Point, ZeroProblem

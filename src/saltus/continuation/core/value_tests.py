@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.scales import FAR_FROM_CRITICAL, LARGEST_TESTED, PAIRED
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["PAIRED", "Tested", "border_tests", "bounded", "circle_tests"]
-
-PAIRED = 1e-12  # imaginary part over the size, from which on a value is one of a complex pair
-_LARGE = 1e10  # size from which on a multiplier counts as this
-_FAR = 0.15  # size of multipliers up to which they are far from critical, as beyond its inverse
+__all__ = ["Tested", "border_tests", "bounded", "circle_tests"]
 
 
 class Tested(NamedTuple):
@@ -29,11 +27,11 @@ class Tested(NamedTuple):
 
 def bounded(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Return multipliers without the size of those that are infinite, or nearly."""
-    large = np.abs(values) >= _LARGE
+    large = np.abs(values) >= LARGEST_TESTED
     if not large.any():
         return values
     found = values.copy()
-    found[large] = np.where(values.real[large] < 0.0, -_LARGE, _LARGE)
+    found[large] = np.where(values.real[large] < 0.0, -LARGEST_TESTED, LARGEST_TESTED)
     return found
 
 
@@ -46,7 +44,7 @@ def circle_tests(values: list[complex]) -> Tested:
         (value,) = values
         size = abs(value)
         unit = math.hypot(1.0, size)
-        change, far = (1.0 + size) / unit, size < _FAR or size > 1.0 / _FAR
+        change, far = (1.0 + size) / unit, size < FAR_FROM_CRITICAL or size > 1.0 / FAR_FROM_CRITICAL
         distances = [(1.0 - value.real) / unit, (1.0 + value.real) / unit]
         return Tested(distances, [change, change], turns=False, far=far, scale=max(1.0, size))
     if len(values) == 2:
@@ -71,7 +69,7 @@ def circle_tests(values: list[complex]) -> Tested:
             distances.append(distance.real / unit)
             changes.append(change / unit)
         sizes = [abs(value) for value in values]
-    far = max(sizes) < _FAR or min(sizes) > 1.0 / _FAR
+    far = max(sizes) < FAR_FROM_CRITICAL or min(sizes) > 1.0 / FAR_FROM_CRITICAL
     return Tested(distances, changes, _turns(values), far, max(1.0, *sizes))
 
 

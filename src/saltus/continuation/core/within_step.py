@@ -14,7 +14,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.continuation.core.value_tests import PAIRED, Tested
+from saltus.continuation.core.value_tests import Tested
+from saltus.scales import (
+    CROSSES_ONCE,
+    MOVES_STEADILY,
+    PAIRED,
+    PASSES_ONCE,
+    TESTED_SIGN,
+    TWO_ZEROS,
+    VALUES_FOLLOWED,
+    ZEROS_ALIKE,
+    ZEROS_TOUCH,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -34,16 +45,8 @@ ASIDE = 1e-4  # fraction of a step by which values are differentiated
 _DEEPEST = 10  # most times that a part of a step is halved
 _MOST = 200  # parts looked at, from which on none is halved
 _DOUBT = 2.0  # factor on what a cubic misses in the middle of a part
-_BENT = 0.25  # the same over the change in the part, up to which a function that changes its sign does so once
-_FLAT = 0.25  # the same over the slope, up to which a function passes 0 once where it is steeper than a miss
-_MOVED = 0.3  # way of a value in a step over its scale, up to which it is taken to move steadily
 _UNEVEN = 8.0  # factor on the curvature of a function that is taken to change steadily
-_AGREED = 0.01  # the same up to which the values of one function are taken to be followed, not mistaken for others
-_CURVED = 2.0  # factor on the curvature of a function when two zeros within a step are suspected
-_ROUNDED = 1e-9  # function over its size, up to which its sign is rounding
 _BISECTIONS = 30  # of the search for a zero
-_ALIKE = 1e-5  # distance of two zeros, in steps, up to which they are one of equal values
-_TOUCHING = 0.25  # the same up to which they are those of a value that touches a border
 
 
 class Spectrum(NamedTuple):
@@ -96,7 +99,7 @@ def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Calla
         if any(abs(row[1] - other) <= moved + way and row[1] != other.conjugate() for other, way in near):
             return False  # which of both is which is not told by where they are
         near.append((row[1], moved))
-        if moved > _MOVED * min(test.scale for test in known):
+        if moved > MOVES_STEADILY * min(test.scale for test in known):
             return False
         above, below = {value.imag > 0.0 for value in row}, {value.imag < 0.0 for value in row}
         if len(above) > 1 or len(below) > 1:
@@ -192,7 +195,7 @@ def several_critical(
             continue
         for kind, (known, new) in enumerate(zip(zeros, found, strict=False)):
             known += new
-            if known and max(known) - min(known) > _ALIKE and not (touches and kind == 0 and _two_alike(known)):
+            if known and max(known) - min(known) > ZEROS_ALIKE and not (touches and kind == 0 and _two_alike(known)):
                 return True
     return False
 
@@ -200,7 +203,7 @@ def several_critical(
 def _two_alike(zeros: list[float]) -> bool:
     """Return whether zeros lie at two places near each other."""
     first, last = min(zeros), max(zeros)
-    return last - first <= _TOUCHING and all(min(zero - first, last - zero) <= _ALIKE for zero in zeros)
+    return last - first <= ZEROS_TOUCH and all(min(zero - first, last - zero) <= ZEROS_ALIKE for zero in zeros)
 
 
 def _matched(values: list[complex], others: list[complex]) -> list[complex]:
@@ -297,7 +300,7 @@ def _zeros_of_part(
             if paired and not any(turning):
                 continue
             known = _slopes([result.values[kind] for result in results], slopes)
-            floors = _ROUNDED * results[0].sizes[kind], _ROUNDED * results[2].sizes[kind]
+            floors = TESTED_SIGN * results[0].sizes[kind], TESTED_SIGN * results[2].sizes[kind]
             zeros = _zeros(known, now.values[kind], floors, final=final)
             if zeros is None:
                 return None
@@ -386,7 +389,7 @@ def _zeros(
     if abs(f) <= floors[0] and abs(g) <= floors[1] and abs(middle) <= max(floors):
         return []  # it vanishes all along, as 1 - mu1 mu2 does in a map that keeps areas
     missed = _DOUBT * abs(_cubic(*known, 0.5) - middle)
-    if missed > _AGREED and not final:
+    if missed > VALUES_FOLLOWED and not final:
         return None
     inner = [(s, _cubic(*known, s)) for s in _turning(*known)]
     row = [(0.0, f)] * (abs(f) > floors[0]) + inner + [(1.0, g)] * (abs(g) > floors[1])
@@ -397,11 +400,11 @@ def _zeros(
     found = []
     for (s, a), (t, b) in pairwise(row):
         if (a < 0.0) != (b < 0.0):
-            if missed > _BENT * abs(b - a) and not final:
+            if missed > CROSSES_ONCE * abs(b - a) and not final:
                 return None
             found.append(_zero(known, s, t))
     flat = (s for s in (*found, *_inflection(*known)) if abs(_cubic(*known, s)) < missed)
-    if not final and any(missed > _FLAT * abs(_slope(*known, s)) for s in flat):
+    if not final and any(missed > PASSES_ONCE * abs(_slope(*known, s)) for s in flat):
         return None
     return found
 
@@ -415,7 +418,7 @@ def _zero(known: tuple[float, float, float, float], low: float, high: float) -> 
     return 0.5 * (low + high)
 
 
-def dips(values: list[float | None], back: float, ahead: float, factor: float = _CURVED) -> bool:
+def dips(values: list[float | None], back: float, ahead: float, factor: float = TWO_ZEROS) -> bool:
     """Whether a function may vanish twice in a step, from its values before the step, where it begins and at its end.
 
     It has one sign at both ends. A parabola through the three, its curvature times a factor, gives its least

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from saltus.algebraic.newton import ACCEPTED, CONTRACTS, ENDING, ENDLESS_FROM, REMESHED, UNSTABLE
+from saltus.scales import PARAMETER_RESTS, REGULAR_TRIANGLE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     Share = float | NDArray[np.float64]  # of one step, or of many
 
 __all__ = [
-    "SAME",
     "Event",
     "Examined",
     "Point",
@@ -32,10 +32,6 @@ __all__ = [
     "hermite",
     "start_point",
 ]
-
-SAME = 1e-6  # distance in arclength up to which two points of a curve are the same
-_RESTS = 1e-9  # parameter's component of a tangent, over the largest, up to which it is rounding
-_REGULAR = 1e-10  # least diagonal entry of a triangle, over the largest, from which on it is solved with
 
 
 class Unsolved:
@@ -235,7 +231,7 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
 def _leading(null: NDArray[np.float64]) -> int:
     """Return which component gives a tangent its sign: the parameter's, or the first large one where that rests."""
     sizes = np.abs(null)
-    return -1 if sizes[-1] > _RESTS * sizes.max() else int(np.argmax(sizes > 0.5 * sizes.max()))
+    return -1 if sizes[-1] > PARAMETER_RESTS * sizes.max() else int(np.argmax(sizes > 0.5 * sizes.max()))
 
 
 def _nearest(A: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -244,7 +240,7 @@ def _nearest(A: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[NDArray[np
 
     Q, R = np.linalg.qr(A.T, mode="complete")
     sizes = np.abs(np.diagonal(R))
-    if not sizes.min(initial=1.0) > _REGULAR * sizes.max(initial=0.0):
+    if not sizes.min(initial=1.0) > REGULAR_TRIANGLE * sizes.max(initial=0.0):
         return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0]), np.asarray(np.linalg.svd(A)[2][-1])
     return np.asarray(Q[:, :-1] @ solve_triangular(R[:-1], b, trans="T")), np.asarray(Q[:, -1])
 

@@ -19,6 +19,7 @@ from saltus.equilibria.problem import check_autonomous
 from saltus.errors import InputError, SaltusError
 from saltus.orbits import solve_orbit
 from saltus.progress import Progress, Report, Reporter
+from saltus.scales import RESTING
 from saltus.solution import Solution
 from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped
@@ -33,7 +34,6 @@ __all__ = ["DiagramOptions", "diagram"]
 
 # Special points from which other branches are sought, by what a branch consists of.
 _SWITCHED = {"equilibria": ("HB", "BP"), "orbits": ("PD", "BP"), "map orbits": ("PD", "BP")}
-_ROUNDED = 1e-9  # range of a state, over the largest of all states, up to which it may be rounding
 _INTERRUPTED = "interrupted"
 
 
@@ -289,7 +289,7 @@ class _Run:
     def _ranges(self) -> NDArray[np.float64]:
         """Return the ranges of states over all branches; that of a state that is 0 on all is more than its rounding."""
         ranges = Diagram(self.system, self.parameter, tuple(self.branches), ()).ranges
-        return np.maximum(ranges, max(_ROUNDED * float(ranges.max()), 1e-300))
+        return np.maximum(ranges, max(RESTING * float(ranges.max()), 1e-300))
 
     def _drop(self, place: Place) -> None:
         """Wait no longer for the special points at a place."""

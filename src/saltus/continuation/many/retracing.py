@@ -15,6 +15,7 @@ from saltus.continuation.results.crossings import extremes_of
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.solve import converge
+from saltus.scales import EXTREMES_ALIKE
 
 __all__ = ["Follow", "Retraced", "Trace", "is_on", "moved", "orbits_at"]
 
@@ -22,7 +23,6 @@ Trace: TypeAlias = Callable[[Mapping[str, float]], tuple[Branch, ...]]  # branch
 Follow: TypeAlias = Callable[[PeriodicOrbit, Branch], Branch]  # the branch through an orbit, given that known before
 
 _HALVINGS = 4  # times that the way from one set of parameters to another is halved
-_SAME = 1e-6  # relative difference of extremes up to which two orbits are one
 
 
 @dataclass
@@ -68,7 +68,7 @@ class Retraced:
 def is_on(branch: Branch, orbit: PeriodicOrbit) -> bool:
     """Return whether an orbit is one of a branch."""
     found, wanted = orbits_at(branch, orbit.parameters[branch.parameter]), extremes_of(orbit)
-    return any(np.allclose(extremes_of(other), wanted, rtol=_SAME) for other in found)
+    return any(np.allclose(extremes_of(other), wanted, rtol=EXTREMES_ALIKE) for other in found)
 
 
 def orbits_at(branch: Branch, value: float) -> tuple[PeriodicOrbit, ...]:

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from saltus import scales
 from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.value_tests import Tested, border_tests
-from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
 from saltus.continuation.problems.errors import algebraic_error
@@ -49,14 +49,7 @@ _FLIPS = Monitor("flips")  # values that belong to a PD
 _PAIRS = Monitor("pairs")  # complex pairs
 
 _SHARE = 1e-3  # of the eigenvalues at the start, which gives a unit where all of them vanish at once
-_RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
-_SHORT = 1e-5  # arclength of a step up to which several critical values may be passed in it
-_CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
-_EQUAL = 1e-6  # relative difference of two values up to which they are equal by symmetry
 _UNEXPLAINED = "stability changes without a bifurcation that explains it"
-_CLEAR = 1e-6  # growth of a value, over the largest, from which on its sign is clear at a critical point
-_ROUNDED = 1e-9  # growth up to which it is rounding
-_RESOLVED = 1e-7  # growth from which on its sign is known
 _SEVERAL = "events: values become critical at more than one place within the step"
 
 
@@ -199,7 +192,7 @@ class AlgebraicZeroProblem:
         u = point.u
         point.J = self.problem.evaluate(u)[1]
         point.residual = self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n])))
-        if not point.residual <= _RESIDUAL:
+        if not point.residual <= scales.RESIDUAL_KEPT:
             return Examined({}, f"residual: {self.vanishing}")
         data = self.data(u, point.J)
         if before is not None and before.examined.data is not None:
@@ -233,7 +226,7 @@ class AlgebraicZeroProblem:
             return distance if abs(distance) > 1e-12 else 0.0
         if kind == "SN":
             along = float(point.tangent[-1])
-            return along if abs(along) > RESTS else 0.0
+            return along if abs(along) > scales.PARAMETER_RESTS else 0.0
         if kind == "BP":
             self._log = point.log if self._log is None else self._log
             return point.sign * math.exp(min(max(point.log - self._log, -600.0), 600.0))
@@ -324,7 +317,7 @@ class AlgebraicZeroProblem:
             count = self.multiplicity(data, kind) * (2 if kind == self.paired.kind else 1)
             growth = self.growth(data.values, data.sizes)
             others = growth[np.argsort(np.abs(growth), kind="stable")[count:]]
-            if np.any(np.abs(others) < _CLEAR * np.abs(growth).max(initial=0.0)):
+            if np.any(np.abs(others) < scales.GROWTH_CLEAR * np.abs(growth).max(initial=0.0)):
                 return True
             there = int(np.sum(others > 0.0))
             if not any(there <= number <= there + count for number in known):
@@ -339,7 +332,7 @@ class AlgebraicZeroProblem:
     def _fault(self, point: Point, before: Point, monitors: dict[Monitor, float], data: PointData) -> str | None:
         """Return the reason why a point may not follow the point before, or None if it may."""
         known = before.examined.monitors
-        short = point.arc - before.arc < _SHORT
+        short = point.arc - before.arc < scales.CROWDED
         if not short and (doubt := faint_step(monitors, self.faint, before, point)) is not None:
             return doubt
         changed = {
@@ -351,10 +344,12 @@ class AlgebraicZeroProblem:
             return None if short else before.examined.fault
         old: PointData = before.examined.data
         ends = np.sort(self.growth(old.values, old.sizes)), np.sort(self.growth(data.values, data.sizes))
-        near = bool(np.any(((ends[0] < 0.0) != (ends[1] < 0.0)) & (np.abs(ends).min(axis=0) > _RESOLVED)))
+        near = bool(np.any(((ends[0] < 0.0) != (ends[1] < 0.0)) & (np.abs(ends).min(axis=0) > scales.GROWTH_RESOLVED)))
         if not short and self._several_critical(before, point, data):
             return _SEVERAL
-        rounded = ((ends[0] > 0.0) != (ends[1] > 0.0)) & (np.maximum(np.abs(ends[0]), np.abs(ends[1])) < _ROUNDED)
+        rounded = ((ends[0] > 0.0) != (ends[1] > 0.0)) & (
+            np.maximum(np.abs(ends[0]), np.abs(ends[1])) < scales.GROWTH_ROUNDED
+        )
         crossed = max(abs(data.unstable - old.unstable) - int(rounded.sum()), 0)
         apart = self._crossed_apart(old, data) if near or changed else ()
         real = sum(kind in changed for kind in self.single)
@@ -372,8 +367,8 @@ class AlgebraicZeroProblem:
         """Return by how many unstable real values and unstable pairs differ; nothing where real ones become pairs."""
         found = []
         for data in (before, after):
-            paired = np.abs(data.values.imag) > _EQUAL * np.abs(data.values)
-            grows = self.growth(data.values, data.sizes) > _ROUNDED
+            paired = np.abs(data.values.imag) > scales.EQUAL_BY_SYMMETRY * np.abs(data.values)
+            grows = self.growth(data.values, data.sizes) > scales.GROWTH_ROUNDED
             found.append((int(paired.sum()), int((grows & ~paired).sum()), int((grows & paired).sum()) // 2))
         (pairs, *first), (others, *second) = found
         return tuple(abs(b - a) for a, b in zip(first, second, strict=True)) if pairs == others else ()
@@ -405,7 +400,10 @@ class AlgebraicZeroProblem:
         order = np.argsort(growth)
         name = self._watched(complex(values[order[0]])) if order.size else _ZEROS
         count = 4 if name == _PAIRS else 2
-        if order.size < count or growth[order[count - 1]] - growth[order[0]] > _EQUAL * growth[order[count - 1]]:
+        if (
+            order.size < count
+            or growth[order[count - 1]] - growth[order[0]] > scales.EQUAL_BY_SYMMETRY * growth[order[count - 1]]
+        ):
             return frozenset()
         return frozenset({self.paired, Monitor(self.type_of(name))})
 
@@ -434,7 +432,7 @@ def closes(origin: Point, last: Point, new: Point, control: StepControl, circles
 
     circles: angles among the unknowns; the start that is returned lies whole turns from the one given, next to `last`.
     """
-    if new.arc < _CLOSING * control.initial:
+    if new.arc < scales.CANNOT_CLOSE * control.initial:
         return None
     if abs(origin.parameter - last.parameter) > 2.0 * abs(new.parameter - last.parameter) + control.initial:
         return None

@@ -19,6 +19,7 @@ from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.problems.other_values import KIND, SEVERAL, OtherValues, eigenvalues_beside, without_nearest
 from saltus.equilibria.spectrum import eigenvalues, unstable_count
+from saltus.scales import PARAMETER_RESTS, RESIDUAL_KEPT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,8 +30,6 @@ _TURNS = (Monitor("TP", 0), Monitor("TP", 1))  # turning points of the two param
 _BOUNDS = (Monitor("low", 0), Monitor("high", 0), Monitor("low", 1), Monitor("high", 1))  # ends of their intervals
 
 _CP = Monitor("CP")  # coefficient of the normal form of a saddle-node
-_CONSTANT = 1e-9  # component of the tangent below which a parameter is constant along a locus
-_RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
 _LONG = 2.0  # length of the null vector from which on its borders are taken anew
 
 
@@ -200,7 +199,7 @@ class AlgebraicLocusProblem:
         u = self.unknowns(point.u)
         J = self.problem.evaluate(u)[1]
         point.residual = self.problem.rounding(u, J, np.maximum(self.sizes, np.abs(u[: self.n])))
-        if not point.residual <= _RESIDUAL:
+        if not point.residual <= RESIDUAL_KEPT:
             return Examined({}, f"residual: {self.vanishing}")
         try:
             self.condition.evaluate(u, point.u[self.n : self.n + self.condition.extra], J)
@@ -209,7 +208,7 @@ class AlgebraicLocusProblem:
         self.condition.adjust()
         monitors = {name: self._plain(name, point) for name in (*_BOUNDS, *_TURNS)} | self.borders(point)
         for name in _TURNS:
-            if abs(monitors[name]) < _CONSTANT:
+            if abs(monitors[name]) < PARAMETER_RESTS:
                 monitors[name] = math.nan
         special, data = self.special(point)
         if before is not None and before.examined.data is not None:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.problems.boundary import CONTINUOUS, FOLDS, PERSISTS, Crossing, slope_of
+from saltus.continuation.problems.boundary import FOLDS, PERSISTS, Crossing, slope_of
+from saltus.scales import FIELDS_MEET, MET
 from saltus.system.tiling import piece_at
 
 if TYPE_CHECKING:
@@ -21,10 +22,9 @@ if TYPE_CHECKING:
 
     from saltus.maps.problem import MapOrbitProblem
 
-__all__ = ["TOGETHER", "beyond_border"]
+__all__ = ["beyond_border"]
 
 _NEAR = 1e-6  # distance beyond a border, in the states' sizes, at which the neighbouring piece is looked for
-TOGETHER = 1e-9  # condition, over its variation with the states' sizes, up to which another point meets a border too
 
 
 def beyond_border(
@@ -48,7 +48,7 @@ def beyond_border(
     for i, other, height in problem.heights(u):
         gradient = problem.border(i, other, u)[1] if (i, other) != (point, guard) else inwards
         unit = float(np.abs(gradient[: problem.n]) @ sizes)
-        if (i, other) != (point, guard) and abs(height) > TOGETHER * unit:
+        if (i, other) != (point, guard) and abs(height) > MET * unit:
             continue
         beyond = _piece_beyond(problem, i, gradient, u, sizes)
         if beyond is None:
@@ -58,7 +58,7 @@ def beyond_border(
     F, J = beside.evaluate(u)
     own, n = problem.evaluate(u)[1], problem.n
     terms = (np.abs(J[:, :n]) + np.abs(own[:, :n])) @ sizes
-    if not np.all(np.abs(F) <= CONTINUOUS * np.maximum(terms, 1e-12 * terms.max())):
+    if not np.all(np.abs(F) <= FIELDS_MEET * np.maximum(terms, 1e-12 * terms.max())):
         return Crossing("", beside, None, -inwards, "the map jumps there")
     # each branch's parameter, where its point moves to the side of its own piece
     sides = [slope_of(own[:, :n], own, inwards), slope_of(J[:, :n], J, -inwards)]

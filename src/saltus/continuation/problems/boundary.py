@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.scales import FIELDS_MEET, MET
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.core.zero_problem import Point
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["CONTINUOUS", "FOLDS", "PERSISTS", "Crossing", "beyond_boundary", "slope_of"]
+__all__ = ["FOLDS", "PERSISTS", "Crossing", "beyond_boundary", "slope_of"]
 
-CONTINUOUS = 1e-7  # field of the other mode, over its terms, up to which the equilibrium is one of that mode too
-_MET = 1e-9  # event function, over its variation with the states' sizes, up to which it is met
 PERSISTS = "persistence"
 FOLDS = "nonsmooth fold"
 
@@ -94,7 +94,7 @@ def beyond_boundary(
     outwards = _regular_side(beside, landed, sizes, -inwards)
     A = own[:, :n]
     terms = (np.abs(J[:, :n]) + np.abs(A)) @ sizes
-    if np.all(np.abs(F) <= CONTINUOUS * np.maximum(terms, 1e-12 * terms.max())):
+    if np.all(np.abs(F) <= FIELDS_MEET * np.maximum(terms, 1e-12 * terms.max())):
         # each branch's parameter, where its own event function grows to its regular side
         sides = [slope_of(A, own, inwards), slope_of(J[:, :n], J, outwards)]
         kind = "" if 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
@@ -116,7 +116,7 @@ def _regular_side(
     for k in beside.ways_out:
         height, gradient = beside.event(k, u)
         direction = beside.system.transitions[k].direction
-        if direction and abs(height) <= _MET * float(np.abs(gradient[: beside.n]) @ sizes):
+        if direction and abs(height) <= MET * float(np.abs(gradient[: beside.n]) @ sizes):
             return -float(direction) * gradient
     return otherwise
 

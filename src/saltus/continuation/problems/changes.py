@@ -11,14 +11,12 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour, vanishing
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.stability.floquet import multipliers
+from saltus.scales import FIELDS_ALIKE, SPEEDLESS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["limits_of_multipliers", "passes_smoothly", "type_of_change"]
-
-_SLOW = 1e-6  # velocity at which an event is met, over that of a motion across the state's size in a period, at a GR
-_EQUAL = 1e-9  # difference of two fields, over their sizes, up to which they are one
 
 
 def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], found: Neighbour | str) -> str:
@@ -105,7 +103,7 @@ def passes_smoothly(problem: OrbitProblem, u: NDArray[np.float64], segment: int)
     for i, field in zip((gone[0] - 1, *gone), fields, strict=True):
         system.compiled.call("field", signature.modes[i], 0, x, problem.extended, field)
     apart, size = (float(np.max(np.abs(f) / problem.state_scale)) for f in (fields[1:] - fields[0], fields[0]))
-    return apart <= _EQUAL * size
+    return apart <= FIELDS_ALIKE * size
 
 
 def _meets_without_velocity(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
@@ -135,7 +133,7 @@ def _slow(problem: OrbitProblem, transition: int, x: NDArray[np.float64], period
         return False
     event, n = np.empty(2 + 2 * problem.n), problem.n
     problem.system.compiled.call("event_x", transition, 0, np.ascontiguousarray(x), problem.extended, event)
-    return abs(float(event[1])) * period < _SLOW * float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
+    return abs(float(event[1])) * period < SPEEDLESS * float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
 
 
 def _born(

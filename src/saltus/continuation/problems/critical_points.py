@@ -27,7 +27,8 @@ from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import WHOLE, Signature
-from saltus.orbits.stability.critical import TOUCHING, Branching, Critical, Grazing, TorusCondition, vanishing_segment
+from saltus.orbits.stability.critical import Branching, Critical, Grazing, TorusCondition, vanishing_segment
+from saltus.scales import AT_CRITICAL, TOUCHING
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
 __all__ = ["CriticalOrbit", "critical_condition"]
 
 _DIFFERENCE = 1e-5  # change of an unknown, over its size, in differences of an output
-_CRITICAL = 1e-3  # distance of a start from its critical condition up to which it is taken for critical
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class CriticalOrbit:
         J = problem.resolve(u)[1]
         if self.kind == "BP":
             branching = Branching(problem, self._branching_parameter(), u, J)
-            if not branching.distance(J) < _CRITICAL:
+            if not branching.distance(J) < AT_CRITICAL:
                 wanted = "an orbit at which branches meet"
                 raise InputError("start", f"{branching.distance(J):.2g} from a loss of rank", wanted)
             return branching, np.zeros(1)
@@ -121,7 +121,7 @@ class CriticalOrbit:
         return abs(abs(value) - 1.0) + min((abs(other - value) for other in others), default=math.inf)
 
     def _check_critical(self, distance: float, wanted: str) -> None:
-        if not distance < _CRITICAL:
+        if not distance < AT_CRITICAL:
             found = ", ".join(f"{v:.6g}" for v in self.orbit.multipliers.tolist())
             raise InputError("start", f"multipliers {found}", f"an orbit with {wanted}, as every {self.kind} has")
 
@@ -232,7 +232,7 @@ def _(
     if kind == "HB":
         pairs = values[values.imag > 0.0]
         small = np.sort(np.abs(values))[:2]
-        if small.size > 1 and small[1] < _CRITICAL * top:  # a double zero, as at a BT
+        if small.size > 1 and small[1] < AT_CRITICAL * top:  # a double zero, as at a BT
             pair, distance = 0j, float(small[1]) / top
         else:
             distances = np.abs(pairs.real) / top
@@ -246,14 +246,14 @@ def _(
         height, gradient = problem.event(k, u)
         heights[k] = abs(height) / (float(np.abs(gradient[: problem.n]) @ sizes) or 1.0)
     nearest = min(heights, key=heights.__getitem__, default=None)
-    if nearest is None or not heights[nearest] < _CRITICAL:
+    if nearest is None or not heights[nearest] < AT_CRITICAL:
         least = math.inf if nearest is None else heights[nearest]
         raise InputError("start", f"{least:.3g} from the nearest surface", "an equilibrium on one", "a BE lies there")
     return Vanishing(partial(problem.event, nearest), nearest), np.empty(0)
 
 
 def _check_critical(kind: str, solution: Equilibrium, distance: float, wanted: str) -> None:
-    if not distance < _CRITICAL:
+    if not distance < AT_CRITICAL:
         found = ", ".join(f"{v:.6g}" for v in solution.eigenvalues.tolist())
         raise InputError("start", f"eigenvalues {found}", f"an equilibrium with {wanted}, as every {kind} has")
 
@@ -285,13 +285,13 @@ def _(
     nearest = min(heights, key=heights.__getitem__, default=None)
     if nearest is None:
         raise InputError("type", "BC", "a locus of a map in pieces", "a smooth map has no borders")
-    if not heights[nearest] < _CRITICAL:
+    if not heights[nearest] < AT_CRITICAL:
         least = f"{heights[nearest]:.3g} from the nearest border"
         raise InputError("start", least, "an orbit with a point on one", "a BC lies there")
     return Vanishing(partial(problem.border, *nearest), nearest), np.empty(0)
 
 
 def _check_multipliers(kind: str, solution: MapOrbit, distance: float, wanted: str) -> None:
-    if not distance < _CRITICAL:
+    if not distance < AT_CRITICAL:
         found = ", ".join(f"{v:.6g}" for v in solution.multipliers.tolist())
         raise InputError("start", f"multipliers {found}", f"an orbit with {wanted}, as every {kind} has")

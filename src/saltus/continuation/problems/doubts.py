@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.value_tests import bounded, circle_tests
-from saltus.continuation.core.verdicts import CROWDED
 from saltus.continuation.core.within_step import ASIDE, Spectrum, several_critical, steady
 from saltus.continuation.core.zero_problem import hermite
+from saltus.scales import CROWDED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

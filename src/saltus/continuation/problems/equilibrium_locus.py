@@ -21,6 +21,7 @@ from saltus.equilibria.critical import Hopf
 from saltus.equilibria.equilibrium import faults_of
 from saltus.equilibria.normal_forms import lyapunov_coefficient
 from saltus.equilibria.spectrum import eigenvalues, unstable_count
+from saltus.scales import FREQUENCY_ROUNDED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,8 +33,6 @@ __all__ = ["EquilibriumLocusProblem"]
 _CP = Monitor("CP")  # coefficient of the normal form of a saddle-node
 _BT = Monitor("BT")  # product of both null vectors on an SN locus, squared frequency on an HB locus
 _GH = Monitor("GH")  # first Lyapunov coefficient, times the cubed frequency
-
-_SLOW = 1e-6  # squared frequency, over the squared size of the Jacobian, below which l1 is rounding, as at a BT
 
 
 class EquilibriumLocusProblem(AlgebraicLocusProblem):
@@ -108,7 +107,7 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
         condition, k = self.condition, self._square(point.u)
         w, others = math.sqrt(max(k, 0.0)), self.beside(point.u, values)
         monitors, l1 = {_BT: k / condition.unit}, math.nan
-        if k > _SLOW * condition.unit:
+        if k > FREQUENCY_ROUNDED * condition.unit:
             try:
                 l1 = lyapunov_coefficient(self.problem, u, J, w, self.sizes)
             except np.linalg.LinAlgError:

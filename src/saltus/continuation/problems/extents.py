@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.algebraic.newton import responses, state_sizes
+from saltus.scales import BESIDE_ZERO, RESPONSE_KNOWN, SINGULAR_AT_ROUNDING, SIZE_CHOSEN, STEEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,12 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["extents", "in_lockstep"]
 
-_NEAR = 1e-2  # share of a state's modulus below which its size on a branch is not chosen
-_BESIDE = 0.1  # share of its way below which a state is next to 0
-_STEEP = 1e3  # response to a parameter, over a state's size, from which on the start may lie next to a fold
 _ROUNDED = 1e-14  # relative change of the unknowns that must not change a response
-_SAME = 0.5  # change of a response, over the response, up to which it is not rounding
-_SINGULAR = 1e-12  # change of the equations, over their terms, along a null vector of the Jacobian
 _SHORTEST = -320.0  # logarithm to base 10 of the least share of a response
 _LONGEST = 100.0  # the same of the greatest share of a null vector
 _APART = 0.25  # difference of two logarithms up to which a share is known
@@ -55,16 +51,16 @@ def _extents(problem: AlgebraicProblem, u: NDArray[np.float64]) -> NDArray[np.fl
         return _at_fold(problem, u, J, sizes)
     answers = responses(J[:, :n], J[:, n:], sizes)
     moved = np.abs(answers).max(axis=1)
-    usual = np.where((x > _NEAR * sizes) & (moved > 0.0), np.clip(moved, _NEAR * x, x), sizes)
-    steep = np.where(x > _NEAR * sizes, moved / usual, 0.0)
-    if not np.any(steep > _STEEP):
+    usual = np.where((x > SIZE_CHOSEN * sizes) & (moved > 0.0), np.clip(moved, SIZE_CHOSEN * x, x), sizes)
+    steep = np.where(x > SIZE_CHOSEN * sizes, moved / usual, 0.0)
+    if not np.any(steep > STEEP):
         return usual
     nudged = problem.evaluate(u * (1.0 + _ROUNDED))[1]
     again = responses(nudged[:, :n], nudged[:, n:], sizes)
-    known = np.where(np.abs(again - answers) <= _SAME * np.abs(answers), answers, 0.0)
-    ways = np.array([_way(problem, u, J, sizes, known[:, k], steep > _STEEP, k) for k in range(known.shape[1])])
+    known = np.where(np.abs(again - answers) <= RESPONSE_KNOWN * np.abs(answers), answers, 0.0)
+    ways = np.array([_way(problem, u, J, sizes, known[:, k], steep > STEEP, k) for k in range(known.shape[1])])
     way = ways.max(axis=0)
-    return np.where(x < _BESIDE * way, way, usual)
+    return np.where(x < BESIDE_ZERO * way, way, usual)
 
 
 def _at_fold(
@@ -79,7 +75,7 @@ def _at_fold(
     rows = np.where(rows > 0.0, rows, 1.0)
     left, values, right = np.linalg.svd(J[:, :n] / rows)
     drive = np.abs(left[:, -1] @ (J[:, n:] / rows))
-    if values[-1] > _SINGULAR or not drive.max(initial=0.0) > _SINGULAR:
+    if values[-1] > SINGULAR_AT_ROUNDING or not drive.max(initial=0.0) > SINGULAR_AT_ROUNDING:
         return sizes
 
     def residual(exponent: float) -> NDArray[np.float64]:
@@ -90,7 +86,7 @@ def _at_fold(
     reach = _reach(lambda exponent: not abs(float(left[:, -1] @ residual(exponent))) <= drive.max(), _LONGEST)
     if reach == _LONGEST:
         return sizes
-    follows = -np.linalg.lstsq(J[:, :n] / rows, residual(reach), rcond=_SINGULAR)[0]
+    follows = -np.linalg.lstsq(J[:, :n] / rows, residual(reach), rcond=SINGULAR_AT_ROUNDING)[0]
     way = np.abs(10.0**reach * right[-1] + follows)
     return np.where(way > 0.0, way, sizes)
 

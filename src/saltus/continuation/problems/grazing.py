@@ -21,13 +21,13 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.records import changes_nothing
 from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.signature import CLOSED_END, PHASE_END, TOUCH_END, WHOLE, Signature
+from saltus.scales import CONDITIONS_ALIKE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["Neighbour", "exchanged_at", "neighbour", "sides_met", "touching", "turned", "vanishing", "vanishing_with"]
 
-_NEAR = 1e-6  # relative difference, in sizes of states, events or the period, up to which two values are equal
 
 # Why there is no neighbouring signature where the mode of a segment is entered and left at once.
 _TURNED = "the event met without velocity changes the mode, but the motion turns back at once"
@@ -95,8 +95,8 @@ def exchanged_at(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]
     behind = monitor.segment + (monitor.kind == "ahead")
     problem.survey(u)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
-    short = abs(blocks[behind % problem.segments, -1]) < _NEAR * np.abs(blocks[:, -1]).sum()
-    return exchanged(problem, blocks, behind % problem.segments, _NEAR) if short else None
+    short = abs(blocks[behind % problem.segments, -1]) < CONDITIONS_ALIKE * np.abs(blocks[:, -1]).sum()
+    return exchanged(problem, blocks, behind % problem.segments, CONDITIONS_ALIKE) if short else None
 
 
 def _alike(problem: OrbitProblem, old: OrbitProblem, monitor: Monitor, found: Neighbour) -> Neighbour | str:
@@ -109,7 +109,7 @@ def _alike(problem: OrbitProblem, old: OrbitProblem, monitor: Monitor, found: Ne
         return found
     durations = np.abs(found.u[n : count * (n + 1) : n + 1])
     further = int(np.argmin(durations))
-    if not durations[further] < _NEAR * float(durations.sum()):
+    if not durations[further] < CONDITIONS_ALIKE * float(durations.sum()):
         return found
     active = OrbitProblem(
         problem.system, found.signature, old.p, problem.active, problem.scales, problem.tol
@@ -131,7 +131,7 @@ def vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Mon
     count = problem.segments
     period = float(np.abs(blocks[:, problem.n]).sum())
     for j in (i, (i + 1) % count):
-        if count > 1 and abs(blocks[j, problem.n]) < _NEAR * period:
+        if count > 1 and abs(blocks[j, problem.n]) < CONDITIONS_ALIKE * period:
             return Monitor("duration", j)
     return Monitor("rate", i)
 
@@ -214,7 +214,7 @@ def _change_modes(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray
     fresh = OrbitProblem(system, signature, problem.parameters_at(u), tol=problem.tol)
     fresh.start(blocks.ravel())
     gaps = fresh.evaluate(blocks.ravel())[0].reshape(problem.segments, problem.n + 1)[:, : problem.n]
-    if not np.max(np.abs(gaps) / problem.state_scale) < _NEAR:
+    if not np.max(np.abs(gaps) / problem.state_scale) < CONDITIONS_ALIKE:
         return f"the field jumps on the surface of {first.name!r}, so that no orbit near it goes on beyond"
     return signature, blocks
 
@@ -224,7 +224,9 @@ def _on_surfaces(problem: OrbitProblem, u: NDArray[np.float64]) -> list[tuple[in
     found, n = [], problem.n
     for i, k in np.argwhere(problem.survey(u).places == WHOLE).tolist():
         distance, gradient = problem.distance(u, i, k)
-        if abs(distance) < _NEAR * float(np.abs(gradient[i * (n + 1) : i * (n + 1) + n]) @ problem.state_scale):
+        if abs(distance) < CONDITIONS_ALIKE * float(
+            np.abs(gradient[i * (n + 1) : i * (n + 1) + n]) @ problem.state_scale
+        ):
             found.append((i, k))
     return found
 
@@ -252,7 +254,7 @@ def _rests(problem: OrbitProblem, segment: int, transition: int) -> bool:
     for place in np.linspace(0.0, 1.0, 7):
         x = problem.state_on(segment, float(place))
         problem.system.compiled.call("reset", transition, 0, x, problem.extended, after)
-        if np.max(np.abs(after - x) / problem.state_scale) > _NEAR:
+        if np.max(np.abs(after - x) / problem.state_scale) > CONDITIONS_ALIKE:
             return False
     return True
 
@@ -268,8 +270,8 @@ def _same_event(problem: OrbitProblem, transition: int, source: int, target: int
             continue
         system.compiled.call("event_x", k, 0, x, problem.extended, event)
         system.compiled.call("reset", k, 0, x, problem.extended, after)
-        near = abs(event[0]) < _NEAR * float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
-        if near and np.max(np.abs(after - wanted) / problem.state_scale) < _NEAR:
+        near = abs(event[0]) < CONDITIONS_ALIKE * float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
+        if near and np.max(np.abs(after - wanted) / problem.state_scale) < CONDITIONS_ALIKE:
             return k
     return None
 
@@ -327,7 +329,7 @@ def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
 def vanishing_with(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> list[int]:
     """Return segment `i` and those next to it in a row that have no length either; at least one stays."""
     count, n = problem.segments, problem.n
-    none = np.abs(blocks[:, n]) < _NEAR * float(np.abs(blocks[:, n]).sum())
+    none = np.abs(blocks[:, n]) < CONDITIONS_ALIKE * float(np.abs(blocks[:, n]).sum())
     before, behind = 0, 0
     while before + behind + 2 < count and none[i - before - 1]:
         before += 1
@@ -404,7 +406,7 @@ def _rerouted(problem: OrbitProblem, blocks: NDArray[np.float64], i: int, instea
 def _same_state(problem: OrbitProblem, x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
     """Return whether two full states are equal; their phases may differ by whole turns."""
     count = len(problem.system.states)
-    return bool(np.max(np.abs(x - y)[:count] / problem.state_scale[:count]) < _NEAR)
+    return bool(np.max(np.abs(x - y)[:count] / problem.state_scale[:count]) < CONDITIONS_ALIKE)
 
 
 def _leading(
@@ -427,7 +429,7 @@ def _meets(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> bo
     """Return whether a full state lies on the surface of a transition."""
     out = np.empty(2 + 2 * problem.n)
     problem.system.compiled.call("event_x", transition, 0, x, problem.extended, out)
-    return bool(abs(out[0]) < _NEAR * float(np.abs(out[2 : 2 + problem.n]) @ problem.state_scale))
+    return bool(abs(out[0]) < CONDITIONS_ALIKE * float(np.abs(out[2 : 2 + problem.n]) @ problem.state_scale))
 
 
 def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> Found | str:
@@ -440,6 +442,6 @@ def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
         if back is not None and not turns_back(problem, back, old.modes[following], after):
             return gone(problem, old.modes[following])
         return _TURNED
-    if old.kinds[i] != TOUCH_END and np.max(np.abs(after - met) / problem.state_scale) > _NEAR:
+    if old.kinds[i] != TOUCH_END and np.max(np.abs(after - met) / problem.state_scale) > CONDITIONS_ALIKE:
         return "the event met without velocity moves the state"
     return joined(problem, blocks, u, i)

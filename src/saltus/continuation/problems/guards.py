@@ -12,14 +12,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor, at_grazing
-from saltus.continuation.core.verdicts import RESTS, ROUNDED
 from saltus.continuation.core.zero_problem import Point
 from saltus.orbits.landed import on_surfaces
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.critical import openness
 from saltus.orbits.stability.floquet import Passage, multiplier_errors, multipliers, nontrivial, undecided
-from saltus.scales import FINEST, HALVES_ALIKE, INFINITE, split
+from saltus.scales import (
+    CONFIRMED,
+    CROWDED,
+    FINEST,
+    HALVES_ALIKE,
+    INFINITE,
+    OPEN_DETERMINANT,
+    PARAMETER_PERHAPS_RESTS,
+    PARAMETER_RESTS,
+    PARAMETER_ROUNDED,
+    RESIDUAL_KEPT,
+    SLOWED,
+    split,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,19 +41,13 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
 
 __all__ = [
-    "CROSSINGS", "HALVES", "RESIDUAL", "ROUGH_GRAZING", "SHORT",
+    "CROSSINGS", "HALVES", "ROUGH_GRAZING",
     "goes_twice", "residual_fault", "rests", "step_fault", "tightened", "unconfirmed", "undetermined",
 ]  # fmt: skip
 
-RESIDUAL = 1e-8  # largest residual of an orbit that is kept, over the sizes of states and events
 CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
 HALVES = "halves: the orbit goes round a shorter one twice, and no branch point explains it"
 ROUGH_GRAZING = "location: what lies behind the grazing cannot be told at the tolerance"
-SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
-_STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
-_SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
-_OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
-_CONFIRMED = 1e-5  # distance of a multiplier from its critical value that confirms a bifurcation, besides its error
 
 
 def unconfirmed(
@@ -55,21 +61,21 @@ def unconfirmed(
     if not np.all(np.abs(inner) < INFINITE):
         return False
     away = np.abs(np.abs(inner) - 1.0) if kind == "TR" else np.abs(inner - (1.0 if kind == "SN" else -1.0))
-    if away.size and float(away.min()) <= _CONFIRMED:
+    if away.size and float(away.min()) <= CONFIRMED:
         return False
     errors = multiplier_errors(problem, u, J, values)[: inner.size]
     return not np.any(away <= errors)
 
 
 def residual_fault(problem: OrbitProblem, survey: Survey, u: NDArray[np.float64]) -> str | None:
-    """Return the reason if segments miss each other, or their events, by more than `RESIDUAL`; else None."""
-    if survey.residual <= RESIDUAL * problem.state_scale.min():
+    """Return the reason if segments miss each other, or their events, by more than `RESIDUAL_KEPT`; else None."""
+    if survey.residual <= RESIDUAL_KEPT * problem.state_scale.min():
         return None
     sizes = np.maximum(problem.event_sizes(u), float(problem.state_scale.max()))
     left = float(np.max(survey.rates[:, 2] / sizes))
-    if left > RESIDUAL:
-        left = float(np.max(on_surfaces(problem, u, survey, RESIDUAL).rates[:, 2] / sizes))
-    return None if left <= RESIDUAL else f"residual: {left:.1e} of the orbit's size is left of the equations"
+    if left > RESIDUAL_KEPT:
+        left = float(np.max(on_surfaces(problem, u, survey, RESIDUAL_KEPT).rates[:, 2] / sizes))
+    return None if left <= RESIDUAL_KEPT else f"residual: {left:.1e} of the orbit's size is left of the equations"
 
 
 def goes_twice(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> bool:
@@ -97,14 +103,16 @@ def tightened(
 
 def undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
     """Return whether det(A - B) and det(A + B) are rounding, as at a grazing where the surface bends no motion."""
-    return all(openness(problem, mu, u, J) < _OPEN for mu in (1.0, -1.0))
+    return all(openness(problem, mu, u, J) < OPEN_DETERMINANT for mu in (1.0, -1.0))
 
 
 def rests(a: Point, b: Point) -> bool:
     """Return whether the parameter rests in a step, as along a family of orbits at one value of the parameter."""
     slope = max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1])))
-    short = abs(b.arc - a.arc) <= SHORT
-    return slope < RESTS or (slope < _STEADY and abs(b.parameter - a.parameter) < ROUNDED and not short)
+    short = abs(b.arc - a.arc) <= CROWDED
+    return slope < PARAMETER_RESTS or (
+        slope < PARAMETER_PERHAPS_RESTS and abs(b.parameter - a.parameter) < PARAMETER_ROUNDED and not short
+    )
 
 
 def step_fault(
@@ -121,11 +129,11 @@ def step_fault(
     grazing = any(at_grazing(name) for name in changed)
     if old.survey.admissible and not data.survey.admissible and not grazing:
         return "not admissible: " + "; ".join(data.survey.reasons())
-    if point.arc - before.arc < SHORT or grazing or not old.survey.admissible:
+    if point.arc - before.arc < CROWDED or grazing or not old.survey.admissible:
         return None
     if way is not None and rests(before, point):
         return None
-    if any(name.kind == "rate" and 0.0 < value < _SLOWED * known.get(name, 0.0) for name, value in monitors.items()):
+    if any(name.kind == "rate" and 0.0 < value < SLOWED * known.get(name, 0.0) for name, value in monitors.items()):
         return "velocity: an event is met so much slower that a touch before may be passed over"
     if way is None:
         return None

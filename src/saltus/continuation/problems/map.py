@@ -19,6 +19,7 @@ from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
 from saltus.continuation.problems.point_data import PointData
 from saltus.maps.orbit import faults_of
 from saltus.maps.spectrum import FAINT, flip_product, multiplicity, multipliers_of, pair_product, unstable_count
+from saltus.scales import GROWN, PARAMETER_RESTS_IN_GROWTH
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,9 +31,6 @@ __all__ = ["MapBranchData", "MapZeroProblem", "grows_without_bound"]
 
 _PD = Monitor("PD")  # product of 1 + mu
 _TR = Monitor("TR")  # product of the pairs' products less 1
-
-_GROWN = 1e3  # size of a state, over that at the start, from which on a curve may grow without bound
-_RESTS = 1e-5  # change of each parameter per unit of arclength, below which such a curve does
 
 
 class MapBranchData(PointData):
@@ -132,7 +130,7 @@ def grows_without_bound(
     rates : ndarray, shape (parameters,)
         Change of the varied parameters per unit of arclength.
     """
-    grown = float(np.max(sizes / first)) > _GROWN and bool(np.all(np.abs(rates) < _RESTS))
+    grown = float(np.max(sizes / first)) > GROWN and bool(np.all(np.abs(rates) < PARAMETER_RESTS_IN_GROWTH))
     return "the orbit grows without bound" if grown else None
 
 

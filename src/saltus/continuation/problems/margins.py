@@ -11,7 +11,8 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import DIRECTION, DURATION, EARLY, EVENT_END, MEAN_END, WHEN, WHOLE, Signature, Survey
-from saltus.orbits.stability.critical import TOUCHING, Grazing
+from saltus.orbits.stability.critical import Grazing
+from saltus.scales import TOUCHING
 from saltus.system.expressions import NAME
 from saltus.system.parts import at_phases
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus import scales
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
-from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
 from saltus.continuation.problems import guards
 from saltus.continuation.problems.changes import limits_of_multipliers
@@ -44,7 +44,6 @@ from saltus.orbits.stability.floquet import (
     passage,
     unstable_count,
 )  # fmt: skip
-from saltus.scales import HALVES_AT_TURN, INFINITE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,11 +65,6 @@ _UNSOLVED = {
     records.APART: Unsolved.APART,
     records.LATE: Unsolved.LATE,
 }
-_FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
-_SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
-_PARTED = 1e-4  # arclength between a fold and a branch point that are one where the period halves
-_ONE = 1e-5  # distance of a multiplier from 1 up to which the orbit may be one of a family
-_CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
 
 
 class OrbitZeroProblem:
@@ -120,7 +114,8 @@ class OrbitZeroProblem:
             # products of multipliers leave out the trivial one exactly, determinants to the flow's tolerance only
             self._simple[_SN] = lambda point: point.sign * self._product(_SN, point, 1.0)
             self._simple[_PD] = lambda point: self._product(_PD, point, -1.0)
-            self.noise = MappingProxyType({_SN: _FAINT, _PD: _FAINT})  # both change by many powers of ten in a step
+            # both change by many powers of ten in a step
+            self.noise = MappingProxyType({_SN: scales.PRODUCT_ROUNDED, _PD: scales.PRODUCT_ROUNDED})
         for vanishing, i in self._durations.items():
             self._simple[vanishing] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
         self._surveyed = grazing_monitors(problem)
@@ -250,7 +245,7 @@ class OrbitZeroProblem:
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
         monitors |= data.coincident
         still_ahead(monitors, survey, before)
-        if abs(values[0]) < INFINITE and not self.neutral:
+        if abs(values[0]) < scales.INFINITE and not self.neutral:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
@@ -290,7 +285,7 @@ class OrbitZeroProblem:
         """
         old: OrbitData = before.examined.data
         away = min(abs(value - 1.0) for value in (*old.followed, *data.followed)) if old.followed else 0.0
-        if data.unstable == old.unstable or away < _ONE:
+        if data.unstable == old.unstable or away < scales.ONE_OF_FAMILY:
             monitors[_SN] = math.nan
         else:
             known = {**before.examined.monitors, _SN: self._simple[_SN](before)}
@@ -305,7 +300,7 @@ class OrbitZeroProblem:
         row = point.weights * point.tangent
         F, J = self.evaluate(point.u)
         steps, sign, log, size, residual = bordered(J, F, row, point.u, point.u, self._scale)
-        if size < _SHARPER:
+        if size < scales.SHARPER:
             point.u, point.J, point.residual = point.u + steps[:, 0], J, residual
             point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
             point.sign, point.log = sign, log
@@ -313,7 +308,7 @@ class OrbitZeroProblem:
     def _measured(self, point: Point) -> dict[Monitor, float]:
         """Return the monitors that need no survey; the SN monitor is 0 where the parameter rests."""
         monitors = {name: value(point) for name, value in self._simple.items()}
-        if CUT_END not in self.problem.signature.kinds and abs(monitors.get(_SN, 1.0)) < RESTS:
+        if CUT_END not in self.problem.signature.kinds and abs(monitors.get(_SN, 1.0)) < scales.PARAMETER_RESTS:
             monitors[_SN] = 0.0
         return monitors
 
@@ -379,7 +374,7 @@ class OrbitZeroProblem:
         kept = once([e for e in kept if not self._opposite(e)])
         for event in kept:
             self._take_limits(event)
-        long = self._step is not None and self._step[1].arc - self._step[0].arc >= guards.SHORT
+        long = self._step is not None and self._step[1].arc - self._step[0].arc >= scales.CROWDED
         twins = [event for event in kept if event.name.kind in (ZEROS, FLIPS)]
         if self._crossed is not None:
             located = any(explains(e.name, np.array(e.point.examined.data.followed), self._crossed) for e in twins)
@@ -401,8 +396,10 @@ class OrbitZeroProblem:
 
         There the equations' errors part both zeros, since they differ between the orbit's halves.
         """
-        apart, sizes = abs(point.arc - arc), HALVES_AT_TURN * self.problem.state_scale
-        return apart <= 1e-5 or (apart <= _PARTED and divided(self.problem, point.u, 2, sizes) is not None)
+        apart, sizes = abs(point.arc - arc), scales.HALVES_AT_TURN * self.problem.state_scale
+        return apart <= 1e-5 or (
+            apart <= scales.FOLD_AT_HALVING and divided(self.problem, point.u, 2, sizes) is not None
+        )
 
     def _take_limits(self, event: Event) -> None:
         """Give an event at which a segment vanishes the multipliers that the orbit has there, where it has any."""
@@ -433,13 +430,13 @@ class OrbitZeroProblem:
         if not a.followed or self.neutral or guards.rests(before, after):
             return None
         kind, followed = event.name.kind, here.followed
-        critical = {i for i, value in enumerate(followed) if abs(height(value)) < _CRITICAL}
+        critical = {i for i, value in enumerate(followed) if abs(height(value)) < scales.MULTIPLIER_CRITICAL}
         if bifurcates(event.name):
             at = -1.0 if kind == "PD" else 1.0
             away = [abs(height(value)) if kind == "TR" else abs(value - at) for value in followed]
             critical |= set(sorted(range(len(away)), key=away.__getitem__)[: 2 if kind == "TR" else 1])
         unstable = sum(abs(value) > 1.0 for i, value in enumerate(followed) if i not in critical)
-        undetermined = sum(abs(value) >= INFINITE for value in followed)
+        undetermined = sum(abs(value) >= scales.INFINITE for value in followed)
         ends = (a,) if at_grazing(event.name) else (a, b)
         if all(unstable - undetermined <= end.unstable <= unstable + len(critical) for end in ends):
             return None

@@ -36,8 +36,8 @@ from saltus.orbits.normal_forms import flip_coefficient
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
 from saltus.orbits.stability import floquet
-from saltus.orbits.stability.critical import TOUCHING, Branching, Critical, Grazing
-from saltus.scales import INFINITE
+from saltus.orbits.stability.critical import Branching, Critical, Grazing
+from saltus.scales import INFINITE, PARAMETER_RESTS, RESONANT, ROUGHEST, SAME_POINT, TOUCHED, TOUCHING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,11 +56,6 @@ _FF = Monitor("FF")  # determinant of the other condition of a fold-flip
 _OTHERS = Monitor("others")  # determinant of a multiplier 1 on a TR locus: only a factor of CH's coefficient
 _RESONANCES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor("R4"): 0.0}  # cosines of angles
 
-_CLOSE = 1e-6  # distance in arclength from a grazing within which another event is its shadow
-_CONSTANT = 1e-9  # component of the tangent below which a parameter is constant along a locus
-_ROUGH = 1e-8  # least relative tolerance of the flow for the coefficients of normal forms, unless one vanishes
-_RESONANT = 1e-4  # distance from R1, R2 and R3, in the cosine, within which a torus' coefficient is undetermined
-_TOUCHED = 1e-10  # margin, over the size of the events, up to which a GR locus touches all along
 _Special = tuple[dict[Monitor, float], LocusData | None]
 
 
@@ -196,11 +191,11 @@ class LocusZeroProblem:
         self._adjust(u)
         self.condition.adjust()
         monitors = {name: self._measure(name, point) for name in (*_PLAIN, *self._durations)}
-        monitors |= {name: math.nan for name in _TURNS if abs(monitors[name]) < _CONSTANT}
+        monitors |= {name: math.nan for name in _TURNS if abs(monitors[name]) < PARAMETER_RESTS}
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
         still_ahead(monitors, survey, before)
         if self.kind in CHANGES:  # an orbit that repeats a shorter one touches in each repetition, all along the locus
-            touched = _TOUCHED * float(max(problem.event_sizes(u).max(), problem.state_scale[: len(survey.x0)].min()))
+            touched = TOUCHED * float(max(problem.event_sizes(u).max(), problem.state_scale[: len(survey.x0)].min()))
             for name, value in monitors.items():
                 if name.kind == "margin" and abs(value) < touched:
                     monitors[name] = math.nan
@@ -340,7 +335,7 @@ class LocusZeroProblem:
         kappa = float(point.u[self.problem.size])
         found = {name: kappa - value for name, value in _RESONANCES.items()} | {_CH: math.nan}
         coefficient = math.nan
-        resonant = min(abs(kappa - value) for name, value in _RESONANCES.items() if name.kind != "R4") < _RESONANT
+        resonant = min(abs(kappa - value) for name, value in _RESONANCES.items() if name.kind != "R4") < RESONANT
         if abs(kappa) < 1.0 and only in (None, _CH) and not resonant:
             # the coefficient has a pole where another multiplier is 1; the factor `others` has a zero there
             others = self._determinant(_OTHERS, 1.0, self.problem, u, self._J) / (2.0 - 2.0 * kappa)
@@ -358,7 +353,7 @@ class LocusZeroProblem:
             return self.problem, self._J
         fine = self.problem
         rough = OrbitProblem(
-            fine.system, fine.signature, fine.parameters_at(u), fine.active, fine.scales, max(fine.tol, _ROUGH)
+            fine.system, fine.signature, fine.parameters_at(u), fine.active, fine.scales, max(fine.tol, ROUGHEST)
         )
         rough.start(u)
         return rough, rough.resolve(u)[1]
@@ -419,7 +414,7 @@ class LocusZeroProblem:
             for e in self.others.typed(events)
             if at_grazing(e.name)
             or e.name in _PLAIN
-            or (all(abs(e.point.arc - arc) > _CLOSE for arc in grazings) and not self._unconfirmed(e))
+            or (all(abs(e.point.arc - arc) > SAME_POINT for arc in grazings) and not self._unconfirmed(e))
         ]
 
     def _unconfirmed(self, event: Event) -> bool:

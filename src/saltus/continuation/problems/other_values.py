@@ -13,10 +13,19 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.value_tests import Tested, border_tests, bounded, circle_tests
-from saltus.continuation.core.verdicts import CROWDED
 from saltus.continuation.core.within_step import searched
-from saltus.continuation.core.zero_problem import SAME, Event, Point, hermite
+from saltus.continuation.core.zero_problem import Event, Point, hermite
 from saltus.orbits.stability.floquet import height
+from saltus.scales import (
+    CROWDED,
+    DOUBLE_AT_START,
+    DOUBLE_SHADOW,
+    GROWTH_CRITICAL,
+    GROWTH_TOUCHED,
+    PAIRED_ON_LOCUS,
+    SAME_POINT,
+    TWIN,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,12 +60,6 @@ _DOUBLE = {"SNSN": ("R1", "BT"), "PDPD": ("R2",)}
 # are followed times a function that vanishes. At a cusp all parameters' components of the tangent vanish.
 _FACTORS = {"GPD": "FF", "CH": "FNS", "TP": "CP"}
 KIND = "other"  # kind of the monitor functions, one for each place in the order of growth
-_TOUCHED = 10.0  # growth over its rounding, to within which no step leads, unless it is short
-_SAME = 100.0  # growth over its rounding, up to which a value is critical at a located point as well
-_TWIN = 10.0  # distance from the critical place over that of the critical value, up to which a value is its twin
-_PAIRED = 1e-9  # imaginary part over the size, from which on a value is one of a complex pair
-_SHADOW = 1e-4  # distance in arclength from a double value within which it is no further one
-_AT_START = 1e-6  # function that vanishes at a double value, up to which the locus starts there
 
 
 def eigenvalues_beside(types: Mapping[str, str]) -> OtherValues:
@@ -91,7 +94,7 @@ def without_nearest(values: NDArray[np.complex128], goal: float) -> NDArray[np.c
     """
     away = np.abs(values - goal)
     nearest = int(np.argmin(away))
-    return np.delete(np.where(away <= _TWIN * away[nearest], goal, values), nearest)
+    return np.delete(np.where(away <= TWIN * away[nearest], goal, values), nearest)
 
 
 def critical_pair(
@@ -109,7 +112,7 @@ def critical_pair(
         Distance of two real values from those that a critical pair becomes beyond the locus' end.
     """
     known: list[complex] = values.tolist()
-    signs = np.sign(np.where(np.abs(values.imag) > _PAIRED * np.abs(values), values.imag, 0.0)).tolist()
+    signs = np.sign(np.where(np.abs(values.imag) > PAIRED_ON_LOCUS * np.abs(values), values.imag, 0.0)).tolist()
     for i in np.argsort(away, kind="stable").tolist():
         mates = [j for j, sign in enumerate(signs) if j != i and sign == -signs[i]]
         if mates and signs[i]:
@@ -170,7 +173,7 @@ class OtherValues:
         self.neutral = close if self.neutral is None else min(self.neutral, close)
         found, told = self.named(values), known or {}
         if before is None:
-            self.doubled = any(abs(told.get(name, np.nan)) < _AT_START for name in self._doubles())
+            self.doubled = any(abs(told.get(name, np.nan)) < DOUBLE_AT_START for name in self._doubles())
         if before is None or before.examined.data is None:
             return found
         old = before.examined.data.others
@@ -180,7 +183,7 @@ class OtherValues:
         (pairs, *first), (others, *second) = self._counts(old), self._counts(values)
         moves = [(b - a) * size for a, b, size in zip(first, second, (2, 1, 1), strict=True)]
         total = sum(map(abs, moves)) if pairs == others else 0
-        band = _TOUCHED * self.rounding
+        band = GROWTH_TOUCHED * self.rounding
         start = before.examined.monitors
         touched = any(abs(growth) < band <= abs(start[name]) for name, growth in found.items())
         further = dict(zip(("pair", "fold", "flip"), map(abs, moves), strict=True))
@@ -207,7 +210,7 @@ class OtherValues:
 
     def is_critical(self, growth: float) -> bool:
         """Return whether a value with a growth is critical at a located point."""
-        return abs(growth) < _SAME * self.rounding
+        return abs(growth) < GROWTH_CRITICAL * self.rounding
 
     def tells(self, name: Monitor) -> bool:
         """Return whether a monitor function is one of these."""
@@ -256,17 +259,17 @@ class OtherValues:
         """Return whether a value is as critical as that of the locus since both become one double value there."""
         names = self._doubles(event.name.kind)
         places = [e.point.arc for e in events if e.name in names] + [0.0] * (self.doubled and bool(names))
-        return any(abs(place - event.point.arc) < _SHADOW for place in places)
+        return any(abs(place - event.point.arc) < DOUBLE_SHADOW for place in places)
 
     @staticmethod
     def _by_its_factor(event: Event, events: list[Event]) -> bool:
         """Return whether a function vanishes since its factor does, as a coefficient that has no pole there."""
         factor = _FACTORS.get(event.name.kind)
-        return any(e.name.kind == factor and abs(e.point.arc - event.point.arc) < SAME for e in events)
+        return any(e.name.kind == factor and abs(e.point.arc - event.point.arc) < SAME_POINT for e in events)
 
     def _turns(self, value: complex) -> bool:
         """Return whether a value is one of a complex pair."""
-        return abs(value.imag) > max(_PAIRED * abs(value), _TOUCHED * self.rounding * (self.unit or 1.0))
+        return abs(value.imag) > max(PAIRED_ON_LOCUS * abs(value), GROWTH_TOUCHED * self.rounding * (self.unit or 1.0))
 
     def _what(self, value: complex) -> str:
         if self._turns(value):

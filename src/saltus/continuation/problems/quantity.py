@@ -16,6 +16,7 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Examined, Point
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.orbits.signature import CUT_END
+from saltus.scales import FAMILY_STAYS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,7 +30,6 @@ _BP = Monitor("BP")  # determinant of the bordered Jacobian
 _TP = Monitor("TP")  # the quantity's component of the tangent
 _LEAP = 1.1  # most that the period grows or shrinks by in a step
 _SHORT = 1e-4  # arclength of a step up to which it may
-_STAYS = 1e-7  # gap, or change of a freed parameter in its unit, up to which orbits are a family at fixed parameters
 
 
 class QuantityZeroProblem(OrbitZeroProblem):
@@ -121,7 +121,7 @@ class QuantityZeroProblem(OrbitZeroProblem):
         if self.home is None or found.fault is not None:
             return found
         away = abs(float(point.u[self.problem.size]) - self.home)
-        if away <= _STAYS:
+        if away <= FAMILY_STAYS:
             return found
         what = "the freed parameter leaves its value" if self.equations.by_parameter else "the orbits do not close"
         return Examined(found.monitors, f"family: {what}, so these are no orbits at fixed parameters", found.data)

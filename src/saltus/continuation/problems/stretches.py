@@ -14,12 +14,11 @@ import numpy as np
 from saltus.algebraic.products import combined, pairs
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.value_tests import border_tests
-from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.within_step import searched
 from saltus.continuation.core.zero_problem import Examined, Point, cubic
 from saltus.continuation.problems.point_data import PointData
 from saltus.equilibria.spectrum import FAINT, NEUTRAL, sized_eigenvalues, terms_at
-from saltus.scales import SEPARATED
+from saltus.scales import AXIS_REACHED, PARAMETER_RESTS, SEPARATED, TWO_ZEROS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,8 +31,6 @@ __all__ = ["Stretch", "spectra"]
 
 _MOST = 256  # points of one stretch
 _LONG = 0.02  # arclength of a step from which on its ends do not tell how far values move within
-_REACH = 4.0  # distance of values from the imaginary axis, over how far they move, from which on none reaches it
-_BENT = 2.0  # factor on the curvature of a test function when two zeros within a step are suspected
 
 
 class Stretch:
@@ -109,7 +106,7 @@ class Stretch:
         """
         t, n = self._points[: self.taken, :, -1], self._points.shape[2] - 1
         tests = np.empty((self.taken, len(names)))
-        tests[:, 0] = np.where(np.abs(t[:, 1]) > RESTS, t[:, 1], 0.0)
+        tests[:, 0] = np.where(np.abs(t[:, 1]) > PARAMETER_RESTS, t[:, 1], 0.0)
         tests[:, 1] = self.numbers[:, 0] * np.exp(np.clip(self.numbers[:, 1] - log, -600.0, 600.0))
         tests[:, 2] = _pair_products(self.values) if n > 1 else 1.0
         for k, bound in ((3, self._interest.low), (4, self._interest.high)):
@@ -194,7 +191,7 @@ def _doubtful(values: NDArray[np.complex128], lengths: NDArray[np.float64]) -> N
     moved = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0)
     most = np.maximum(moved, np.maximum(np.append(moved[1:], 0.0), np.append(0.0, moved[:-1])))
     near = np.abs(values.real).min(axis=1, initial=np.inf)
-    return np.asarray((lengths > _LONG) | (np.minimum(near[:-1], near[1:]) < _REACH * most))
+    return np.asarray((lengths > _LONG) | (np.minimum(near[:-1], near[1:]) < AXIS_REACHED * most))
 
 
 def _spectra(
@@ -225,7 +222,7 @@ def _returning(table: NDArray[np.float64], arcs: NDArray[np.float64]) -> NDArray
     """
     back, ahead = np.abs(np.diff(arcs))[:-1, None], np.abs(np.diff(arcs))[1:, None]
     start, change = table[1:-1], np.diff(table, axis=0)[1:]
-    dip = _BENT * (change / ahead - np.diff(table, axis=0)[:-1] / back) / (ahead + back) * ahead * ahead
+    dip = TWO_ZEROS * (change / ahead - np.diff(table, axis=0)[:-1] / back) / (ahead + back) * ahead * ahead
     side = np.where(start < 0.0, -1.0, 1.0)
     start, change, dip = start * side, change * side, dip * side
     least = 0.25 * (dip + change * change / np.where(dip > 0.0, dip, 1.0))

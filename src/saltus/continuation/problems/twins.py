@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from saltus.continuation.core.monitor import Monitor
 from saltus.maps.spectrum import multiplicity
 from saltus.orbits.stability.floquet import height
+from saltus.scales import EQUAL_TWINS, PERHAPS_CRITICAL_NEXT, ZEROS_OF_TWINS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,10 +24,6 @@ __all__ = ["FLIPS", "ZEROS", "crossing_at_once", "doubled_by", "explains", "once
 
 ZEROS = "zeros"  # kind of the monitor function of one of several multipliers that pass 1 at once
 FLIPS = "flips"  # the same at -1
-
-_EQUAL = 1e-5  # distance of two multipliers, over their moduli, up to which they are equal
-_SAME = 1e-7  # arclength between zeros that belong to equal pairs
-_NEAR = 0.5  # height on the Riemann sphere up to which a multiplier may become critical in the next step
 
 
 def type_of(name: Monitor) -> str:
@@ -54,7 +51,12 @@ def crossing_at_once(before: Sequence[complex], after: Sequence[complex]) -> Mon
 def doubled_by(values: Sequence[complex]) -> frozenset[Monitor]:
     """Return the test functions that touch 0 without changing their sign, since the nearest multipliers are equal."""
     nearest = sorted(values, key=lambda value: abs(height(value)))[:2]
-    if len(nearest) < 2 or nearest[0].imag != 0.0 or abs(height(nearest[0])) > _NEAR or not _equal(nearest):
+    if (
+        len(nearest) < 2
+        or nearest[0].imag != 0.0
+        or abs(height(nearest[0])) > PERHAPS_CRITICAL_NEXT
+        or not _equal(nearest)
+    ):
         return frozenset()
     return frozenset({Monitor("PD")} if nearest[0].real < 0.0 else {Monitor("BP"), Monitor("SN")})
 
@@ -70,7 +72,7 @@ def once(events: list[Event]) -> list[Event]:
     kept = []
     for event in events:
         if event.name.kind == "TR":
-            if any(abs(event.point.arc - arc) < _SAME for arc in tori):
+            if any(abs(event.point.arc - arc) < ZEROS_OF_TWINS for arc in tori):
                 continue
             tori.append(event.point.arc)
         kept.append(event)
@@ -78,4 +80,4 @@ def once(events: list[Event]) -> list[Event]:
 
 
 def _equal(values: Sequence[complex]) -> bool:
-    return max(abs(value - values[0]) for value in values) <= _EQUAL * max(abs(values[0]), 1.0)
+    return max(abs(value - values[0]) for value in values) <= EQUAL_TWINS * max(abs(values[0]), 1.0)

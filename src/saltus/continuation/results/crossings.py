@@ -11,6 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.continuation.results.special_points import Solved
 from saltus.errors import ConvergenceError, InputError
+from saltus.scales import END_ROUNDED, GUESS_MISSES, GUESS_MISSES_BESIDE, POINT_OF_BRANCH, RESTING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,12 +19,6 @@ if TYPE_CHECKING:
     from saltus.continuation.results.special_points import SpecialPoints
 
 __all__ = ["OneParameterCurve", "comes_to", "covered", "extremes_of", "solutions_at"]
-
-_APART = 1e-9  # distance in arclength below which a special point is a point of the branch
-_END = 1e-12  # difference of an end from a value, over the value or the range, that is rounding
-_ROUNDING = 1e-9  # size of a state, over the largest one's, that may be rounding of 0
-_PERHAPS = 1e-3  # the same of the nearest of all solutions found, as beside a grazing, where orbits grow like a root
-_NEAR = 1e-6  # share of a solution's size by which it may be further from its guess than both neighbours are apart
 
 
 class OneParameterCurve(Protocol[Solved]):
@@ -72,7 +67,7 @@ def covered(curves: Iterable[OneParameterCurve[Solved]]) -> list[tuple[float, fl
 
 
 def _rounding(curve: OneParameterCurve[Solved], value: float) -> float:
-    return _END * max(abs(value), float(np.ptp(curve.values)))
+    return END_ROUNDED * max(abs(value), float(np.ptp(curve.values)))
 
 
 def solutions_at(
@@ -125,9 +120,9 @@ def _between(
         return first
     low, high = extent(first), extent(last)
     sizes = np.maximum(np.abs(low), np.abs(high))
-    sizes = np.maximum(sizes, max(_ROUNDING * float(sizes.max()), 1e-300))
-    reach = float(np.linalg.norm((high - low) / sizes)) + _NEAR
-    best, least = None, reach + _PERHAPS
+    sizes = np.maximum(sizes, max(RESTING * float(sizes.max()), 1e-300))
+    reach = float(np.linalg.norm((high - low) / sizes)) + GUESS_MISSES
+    best, least = None, reach + GUESS_MISSES_BESIDE
     failed: list[ConvergenceError] = []
     apart: list[float] = []
     for attempt in attempts(first, last, share):
@@ -172,7 +167,7 @@ def _crossings(curve: OneParameterCurve[Solved], value: float) -> Iterator[tuple
     arclength, values = curve.arclength.tolist(), curve.values.tolist()
     nodes = [Node(arc, v, i, False, False) for i, (arc, v) in enumerate(zip(arclength, values, strict=True))]
     for i, special in enumerate(curve.special_points):
-        if np.abs(curve.arclength - special.arclength).min() > _APART:
+        if np.abs(curve.arclength - special.arclength).min() > POINT_OF_BRANCH:
             turns = special.type in ("SN", "TP")
             nodes.append(Node(special.arclength, special.value(curve.parameter), i, True, turns))
     nodes.sort()

@@ -18,6 +18,7 @@ from saltus.continuation.results.prefixed import own_attributes, prefixed_part, 
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
 from saltus.errors import InputError
 from saltus.result import Result
+from saltus.scales import SPECIALS_AT_ONE_VALUE, SPECIALS_IN_ONE_STATE
 from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped
 from saltus.system.plain import held_any
@@ -34,8 +35,6 @@ _KINDS: Mapping[str, type[DiagramBranch]] = {
     **{kind.counted: kind for kind in (Branch, EquilibriumBranch, MapBranch)},
     "cycles": MapBranch,  # as version 0.1.0 wrote
 }
-_SAME_VALUE = 1e-6  # difference of the parameter, over the interval, up to which two special points are the same
-_SAME_STATE = 1e-4  # the same of the states, over their ranges in the diagram
 
 
 class Origin(NamedTuple):
@@ -57,11 +56,11 @@ class Place:
 
     def is_same(self, other: Place, width: float, ranges: NDArray[np.float64]) -> bool:
         """Return whether both are one point, to the accuracy with which branches are located."""
-        if abs(self.value - other.value) > _SAME_VALUE * width:
+        if abs(self.value - other.value) > SPECIALS_AT_ONE_VALUE * width:
             return False
         lows, highs = self.lows - other.lows, self.highs - other.highs
         away = np.maximum(np.abs(wrapped(lows, self.circles)), np.abs(wrapped(highs, self.circles)))
-        return bool(np.all(away <= _SAME_STATE * ranges))
+        return bool(np.all(away <= SPECIALS_IN_ONE_STATE * ranges))
 
 
 def place_of(point: SpecialPoint[Any], parameter: str) -> Place:

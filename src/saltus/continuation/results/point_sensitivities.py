@@ -25,6 +25,7 @@ from saltus.maps.orbit import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.stability.critical import Branching, scaling
 from saltus.orbits.stability.multiplier_slopes import ROUGH
+from saltus.scales import REGULAR, UNFORCED_BY_PARAMETER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Place", "moved"]
 
-_REGULAR = 1e-11  # least singular value of a regular system, over the largest
-_FORCED = 1e-6  # forcing by a parameter, over the equations' change by it, up to which a branch point persists
 _ORBITS = ("SN", "PD", "TR", "BP", *CHANGES)  # types of special points that move, of orbits
 _EQUILIBRIA = ("SN", "HB", "BE")  # the same, of equilibria
 _MAP_ORBITS = ("SN", "PD", "TR", "BC")  # the same, of orbits of maps
@@ -125,7 +124,7 @@ def _moved_orbit(orbit: PeriodicOrbit, place: Place) -> NDArray[np.float64]:
     slopes = moved[-1]
     if isinstance(condition, Branching):
         change = np.linalg.norm(others[:size] / np.linalg.norm(condition.forcing), axis=0)
-        slopes = np.where(np.abs(moved[size]) <= _FORCED * change, slopes, np.nan)
+        slopes = np.where(np.abs(moved[size]) <= UNFORCED_BY_PARAMETER * change, slopes, np.nan)
     return np.asarray(slopes)
 
 
@@ -165,7 +164,7 @@ def _folded(
     left = np.linalg.svd(A)[0][:, -1]
     own, others = place.split(by, names)
     along = float(left @ own[:, 0])
-    if not abs(along) > _FORCED * float(np.linalg.norm(own)):
+    if not abs(along) > UNFORCED_BY_PARAMETER * float(np.linalg.norm(own)):
         raise _unmoved(place)
     return np.asarray(-(left @ others) / along)
 
@@ -176,7 +175,7 @@ def _solved(matrix: NDArray[np.float64], others: NDArray[np.float64], place: Pla
     sizes = np.maximum(np.abs(rows * matrix).max(axis=0), 1e-300)
     scaled = rows * matrix / sizes
     values = np.linalg.svd(scaled, compute_uv=False)
-    if not values[-1] > _REGULAR * values[0]:
+    if not values[-1] > REGULAR * values[0]:
         raise _unmoved(place)
     return np.asarray(-np.linalg.solve(scaled, rows * others) / sizes[:, None])
 

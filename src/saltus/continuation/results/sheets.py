@@ -18,18 +18,15 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.signature import Signature
 from saltus.orbits.solve import converge
+from saltus.scales import AT_GRAZING, SHEET_END, SHEET_REACH, SHEET_ROUNDED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["MOVING", "WITHIN", "Sheet", "Stretch", "sheets_of", "stretches_of"]
+__all__ = ["MOVING", "Sheet", "Stretch", "sheets_of", "stretches_of"]
 
 # Types of special points at which a stable sheet ends and that move with parameters.
 MOVING = ("SN", "PD", "TR", *CHANGES)
-WITHIN = 1e-5  # distance from a special point at which a sheet is cut off, over the sheet's length
-_AT_GRAZING = 1e-6  # distance from a grazing, over the branch's range, at which a motion is rounding
-_REACH = 1.5  # distance of an orbit from where interpolation has it, over that of neighbours, two on each side, at most
-_ROUNDING = 1e-6  # the same over the orbit's size, that may be rounding
 
 
 class Stretch(NamedTuple):
@@ -60,7 +57,7 @@ def _lone(branch: Branch, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
     between = ~good[1:-1] & good[:-2] & good[2:]
     grazings = np.array([point.value(branch.parameter) for point in branch.special_points if point.type in CHANGES])
     if grazings.size and between.any():
-        near = np.abs(branch.values[1:-1, None] - grazings).min(axis=1) <= _AT_GRAZING * float(np.ptp(branch.values))
+        near = np.abs(branch.values[1:-1, None] - grazings).min(axis=1) <= AT_GRAZING * float(np.ptp(branch.values))
         lone[1:-1] = between & near
     return lone
 
@@ -95,12 +92,12 @@ class Sheet:
             float(values[self.points[-1]]) if high is None else high.value(name),
         )
 
-    def place(self, upper: bool, inset: float = WITHIN) -> float:
+    def place(self, upper: bool, inset: float = SHEET_END) -> float:
         """Return a value just within an end, by a share of the sheet's length; where the branch just ends, the end."""
         end, other = (self.bounds[1], self.bounds[0]) if upper else self.bounds
         return end if self.ends[upper] is None else (1.0 - inset) * end + inset * other
 
-    def place_slopes(self, upper: bool, parameters: Sequence[str], inset: float = WITHIN) -> NDArray[np.float64]:
+    def place_slopes(self, upper: bool, parameters: Sequence[str], inset: float = SHEET_END) -> NDArray[np.float64]:
         """Return the derivatives of `place` by parameters."""
         if self.ends[upper] is None:
             return np.zeros(len(parameters))
@@ -152,7 +149,7 @@ class Sheet:
         wanted = (1.0 - share) * a.extremes + share * b.extremes
         size = max(float(np.abs(a.extremes).max()), float(np.abs(b.extremes).max()))
         around = [node.extremes for node in nodes[max(k - 2, 0) : k + 2]]  # the curve may turn between the nearest two
-        reach = _REACH * float(np.abs(np.diff(around, axis=0)).max(initial=0.0)) + _ROUNDING * size
+        reach = SHEET_REACH * float(np.abs(np.diff(around, axis=0)).max(initial=0.0)) + SHEET_ROUNDED * size
         p = branch.system.parameter_vector({**branch.parameters, branch.parameter: value})
         for form, unknowns in _guesses(a, b, share):
             try:

@@ -12,7 +12,6 @@ import numpy as np
 from saltus.algebraic.conditions import solve_branch_point, solve_saddle_node
 from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.multiple import crossing_point
-from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, closes
 from saltus.continuation.problems.extents import extents
@@ -21,6 +20,20 @@ from saltus.continuation.runs.options import read_value
 from saltus.continuation.runs.run import Asked, Going
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
 from saltus.errors import InputError, nearest
+from saltus.scales import (
+    BRANCH_POINT_NEAR,
+    GROWN,
+    MET,
+    ONE_VALUE,
+    PARAMETER_DIGITS,
+    PARAMETER_PERHAPS_RESTS,
+    PARAMETER_RESTS,
+    PARAMETER_RESTS_IN_GROWTH,
+    PARAMETER_ROUNDED,
+    START_CRITICAL,
+    TURNS_AT_POINT,
+    VERTEX,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -33,23 +46,12 @@ if TYPE_CHECKING:
 
 __all__ = ["AlgebraicRun", "algebraic_columns"]
 
-_AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
 _BESIDE = 1e-3  # arclength from a multiple point at which the branch is regular
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _FURTHER = (1e-3, 1e-2, 5e-2)  # the same in turn, where the parameter still rests
-_ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
-_STILL = 1e-11  # change of the parameter that is rounding
-_AT_REST = 1e-7  # the same, below which the parameter does not move
-_TURNING = 1e-5  # arclength from a branch point within which the parameter turns because of it
-_VERTEX = 0.05  # arclength from a branch point within which the parameter rests if it turns there
-_AT_ONE_VALUE = 1e-9  # change of the parameter meanwhile
-_RESTS = 1e-5  # change of the parameter per unit of arclength, below which a branch may grow without bound
-_GROWN = 1e3  # size of a state, over that at the start, from which on it may
 _DOUBLED = 2.0  # growth of a size while the parameter rests, after which the parameter's way is compared
 _MARKS = 3  # points of comparison: two such growths
-_ROUNDED = 1e-15  # change of the parameter that is its rounding
 _MOST_GROWN = 1e100  # size of a state, over that at the start, up to which a branch is followed
-_NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
 def algebraic_columns(joined: BothSides) -> dict[str, Any]:
@@ -131,13 +133,13 @@ class AlgebraicRun(OneParameterRun):
         they grow from 0, but the parameter moves the more the larger they are; on the way to infinity it does the less.
         """
         grown, runs = self._grown(point), False
-        if abs(float(point.tangent[-1])) >= _RESTS:
+        if abs(float(point.tangent[-1])) >= PARAMETER_RESTS_IN_GROWTH:
             self._marks = []
         else:
             sizes = 1.0 / np.sqrt(point.weights[:-1])
             if not self._marks or float(np.max(sizes / self._marks[-1][0])) > _DOUBLED:
                 self._marks = [*self._marks[-2:], (sizes, point.parameter)]
-            runs = grown > _GROWN and len(self._marks) == _MARKS and self._comes_to_rest()
+            runs = grown > GROWN and len(self._marks) == _MARKS and self._comes_to_rest()
         return f"the {self.what} grows without bound" if runs or grown > _MOST_GROWN else None
 
     def _comes_to_rest(self) -> bool:
@@ -147,7 +149,7 @@ class AlgebraicRun(OneParameterRun):
             abs(end - start) / math.log(float(np.max(larger / smaller)))
             for start, end, smaller, larger in ((p, q, first, middle), (q, r, middle, last))
         )
-        return now <= before or now < _ROUNDED * max(abs(r), 1.0)
+        return now <= before or now < PARAMETER_DIGITS * max(abs(r), 1.0)
 
     def _grown(self, point: Point) -> float:
         """Return the largest ratio of a state's size at a point to its size at the start."""
@@ -183,15 +185,15 @@ class AlgebraicRun(OneParameterRun):
 
         Where the parameter rests, as at a fold, the start is moved until the parameter moves.
         """
-        rests = abs(float(point.tangent[-1])) <= RESTS
+        rests = abs(float(point.tangent[-1])) <= PARAMETER_RESTS
         critical = [name for name, value in point.examined.monitors.items() if name.kind in branch.critical
-                    and name.kind != "SN" and (abs(value) < _AT_START or math.isnan(value))]  # fmt: skip
+                    and name.kind != "SN" and (abs(value) < START_CRITICAL or math.isnan(value))]  # fmt: skip
         if not critical and not rests:
             return point
         sign = 1.0 if self.asked.directions == "down" else -1.0
         for length in (_ASIDE, *_FURTHER) if rests else (_ASIDE,):
             moved = self._moved(branch, turned(point, sign, self.odd), length)
-            if moved is not None and (not rests or abs(float(moved.tangent[-1])) > RESTS):
+            if moved is not None and (not rests or abs(float(moved.tangent[-1])) > PARAMETER_RESTS):
                 return turned(moved, sign, self.odd)
         return point
 
@@ -224,7 +226,7 @@ class AlgebraicRun(OneParameterRun):
         after, at = found.after + 1, float(found.solution.parameters[self.name]) / self.scale
         if after + 1 >= values.size:
             return True  # the branch ends there
-        moved = np.where(np.abs(values - at) > _STILL + 16.0 * math.ulp(at), values - at, 0.0)
+        moved = np.where(np.abs(values - at) > PARAMETER_ROUNDED + 16.0 * math.ulp(at), values - at, 0.0)
         before, beyond = moved[:after][moved[:after] != 0.0], moved[after:][moved[after:] != 0.0]
         # a branch may start next to a fold
         return bool(beyond.size > 0 and (before.size == 0 or before[-1] * beyond[0] > 0.0))
@@ -266,10 +268,10 @@ class AlgebraicRun(OneParameterRun):
             else:
                 solve = solve_branch_point if kind == "BP" else solve_saddle_node
                 u = solve(branch.problem, point.u, branch.sizes)
-            if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
+            if u is not None and float(point.weights @ (u - point.u) ** 2) < BRANCH_POINT_NEAR**2:
                 point.u = u
             blunt = u is None
-        if kind == "SN" and any(f.name == "BP" and abs(f.arc - point.arc) < _TURNING for f in half.specials):
+        if kind == "SN" and any(f.name == "BP" and abs(f.arc - point.arc) < TURNS_AT_POINT for f in half.specials):
             return None
         if kind in ("SN", "BP"):
             # next to the vertex of a pitchfork the parameter rests, so the turn may be placed beside the BP
@@ -301,7 +303,7 @@ class AlgebraicRun(OneParameterRun):
     def _same_turn(self, found: Found, point: Point) -> bool:
         """Return whether a special point found before may be the turn of the parameter at a point."""
         away = abs(float(found.solution.parameters[self.name]) / self.scale - point.parameter)
-        return found.name in ("SN", "BP") and abs(found.arc - point.arc) < _VERTEX and away < _AT_ONE_VALUE
+        return found.name in ("SN", "BP") and abs(found.arc - point.arc) < VERTEX and away < ONE_VALUE
 
     def _together(
         self, branch: AlgebraicZeroProblem, last: Point, point: Point, count: int
@@ -329,7 +331,7 @@ class AlgebraicRun(OneParameterRun):
             point = start_point(beside, crossing.u)
         except (ValueError, np.linalg.LinAlgError) as error:
             return f"{self.place(old)}: {self.at_border}, no branch goes on: {error}"
-        if abs(float(point.tangent[-1])) < _AT_REST:
+        if abs(float(point.tangent[-1])) < PARAMETER_PERHAPS_RESTS:
             return f"{self.place(old)}: {self.at_border}, beyond it all lie at one value of {self.name}"
         point = turned(point, crossing.sign(point), self.odd)
         point.arc = old.arc
@@ -338,8 +340,8 @@ class AlgebraicRun(OneParameterRun):
             return f"{self.place(old)}: {self.at_border}, {beyond}"
         # on a surface the sign of its event function is rounding: the point counts as on the regular side
         monitors = {
-            name: _ON_SURFACE * self.inside(beside, name)
-            if name.kind == self.border and abs(value) < _ON_SURFACE else value
+            name: MET * self.inside(beside, name)
+            if name.kind == self.border and abs(value) < MET else value
             for name, value in found.monitors.items()
         }  # fmt: skip
         point.examined = replace(found, monitors=monitors)

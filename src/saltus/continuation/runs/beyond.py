@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import Monitor, at_grazing
-from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
+from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
 from saltus.continuation.problems.beside import seen_beside
 from saltus.continuation.problems.changes import passes_smoothly
 from saltus.continuation.problems.ends.unbounded import period_of
@@ -24,6 +24,7 @@ from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import DURATION, ON_BORDER, Signature, Survey
+from saltus.scales import EXTREMES_BEYOND, NO_DURATION, PARTING, RESTS_BEYOND, SAME_POINT
 from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
@@ -44,14 +45,10 @@ __all__ = [
 Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
 Equations: TypeAlias = "Callable[..., OrbitZeroProblem]"
 
-_TOGETHER = 1e-9  # duration, over the period, up to which a segment has none
 # Shares of the parameter's interval at which an orbit beyond a point is sought.
 _PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _CLOSER = (1e-6, 1e-7, 1e-8)  # arclengths from a change of signature, of which one keeps the stability
 _LAST = 8  # points of a branch that tell which way its parameter goes
-_RESTS = 0.1  # way of the parameter over these points, over the longest, up to which it rests
-_PARTING = 1e-2  # duration, over the period, up to which two events that have parted may have exchanged their order
-_ALIKE = 0.05  # difference of extremes, over the states' sizes, up to which two orbits may be neighbours
 # Survey of a point from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _NONE = np.empty(0)
 _INADMISSIBLE = Survey(1, False, *(_NONE,) * 8, np.empty(0, dtype=np.int64), _NONE, np.empty((0, 3)))
@@ -66,7 +63,7 @@ def leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
     own: Monitor = event.name
     if own.kind != "margin":
         return own
-    rounding = _TOGETHER * period_of(branch, event.point)
+    rounding = NO_DURATION * period_of(branch, event.point)
     monitors: Mapping[Monitor, float] = event.point.examined.monitors
     return next((name for name, value in monitors.items() if name.kind == "duration" and abs(value) <= rounding), own)
 
@@ -97,7 +94,7 @@ def switched(found: Neighbour, problem: OrbitProblem, old: Point, equations: Equ
         return branch
 
     branch = begun(found.signature, found.u)
-    if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
+    if (once := divided(branch.problem, found.u, 2, SAME_POINT * branch.problem.state_scale)) is not None:
         found = Neighbour(*once)
         branch = begun(found.signature, found.u)
     try:
@@ -148,7 +145,7 @@ def parted(branch: OrbitZeroProblem, point: Point, equations: Equations) -> Beyo
     i = int(np.argmin(blocks[:, -1]))
     problem.survey(u)
     near = abs(float(blocks[i, -1])) / float(np.abs(blocks[:, -1]).sum())
-    other = exchanged(problem, blocks, i, max(10.0 * near, SAME)) if near < _PARTING else None
+    other = exchanged(problem, blocks, i, max(10.0 * near, SAME_POINT)) if near < PARTING else None
     if other is None:
         return None
     found = Neighbour(other.signature, np.append(other.blocks.ravel(), u[problem.size :]))
@@ -174,7 +171,7 @@ def _sizes_of_the_born(problem: OrbitProblem, found: Neighbour) -> NDArray[np.fl
     durations = np.abs(found.u[n : count * (n + 1) : n + 1])
     shown = np.zeros(len(system.states), dtype=np.bool_)
     for mode, duration in zip(found.signature.modes, durations.tolist(), strict=True):
-        if duration > _TOGETHER * durations.sum():
+        if duration > NO_DURATION * durations.sum():
             shown |= ~np.isin(np.arange(shown.size), absent_states(system, mode))
     return np.where(shown, 0.0, problem.state_scale[: shown.size])
 
@@ -215,7 +212,7 @@ def _unstable_at(branch: OrbitZeroProblem, point: Point, old: Point) -> int | No
     n, size = branch.n, branch.problem.size
     durations = np.abs(point.u[n : size : n + 1])
     born = int(np.argmin(durations))
-    if durations[born] > _TOGETHER * durations.sum():
+    if durations[born] > NO_DURATION * durations.sum():
         data = branch.examine(point, None).data
     else:
         data = old.examined.data if passes_smoothly(branch.problem, point.u, born) else None
@@ -261,7 +258,7 @@ def seen_beyond(
                 continue
             count = len(fresh.problem.system.states)
             apart = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
-            if np.max(apart) < _ALIKE and _beyond_changes(fresh.problem, point):
+            if np.max(apart) < EXTREMES_BEYOND and _beyond_changes(fresh.problem, point):
                 point.arc = old.arc + probe
                 return fresh, point
     return None
@@ -307,7 +304,7 @@ def turns_back(points: Sequence[tuple[OrbitZeroProblem, Point]], beyond: Point) 
     way = points[-1][1].parameter - np.array([point.parameter for _, point in points[-_LAST:-1]])
     if not way.size or not np.any(way):
         return False
-    onward = float(way[np.abs(way) > _RESTS * np.abs(way).max()][-1])
+    onward = float(way[np.abs(way) > RESTS_BEYOND * np.abs(way).max()][-1])
     return float(beyond.tangent[-1]) * onward < 0.0
 
 

@@ -26,6 +26,7 @@ from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, CUT_END, Signature
 from saltus.orbits.soundness import sound_orbit
+from saltus.scales import FINEST, PAIR_CRITICAL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,8 +35,6 @@ __all__ = ["cycle_born", "equilibrium_of_cycle", "other_equilibria"]
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 3e-2)  # amplitudes of a first cycle, over that at which other terms matter
 _ROOM = 0.3  # share of the distance from a surface that a first cycle may take
-_CRITICAL = 1e-6  # real part of a critical pair, over the largest modulus, above which there is no Hopf point
-_TOLERANCE = 1e-12  # relative tolerance of the flow of a cycle that is born
 _ITERATIONS = 12  # most Newton steps to a first solution
 
 
@@ -65,11 +64,11 @@ def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float
     J = problem.evaluate(u)[1]
     A, values = J[:, :n], equilibrium.eigenvalues
     pairs = values[values.imag > 0.0]
-    if not pairs.size or float(np.abs(pairs.real).min()) > _CRITICAL * float(np.abs(values).max()):
+    if not pairs.size or float(np.abs(pairs.real).min()) > PAIR_CRITICAL * float(np.abs(values).max()):
         raise InputError("point", f"eigenvalues {values}", "an equilibrium with an imaginary pair, as every HB has")
     w = float(pairs[np.argmin(np.abs(pairs.real))].imag)
     check_no_zero(values, w)
-    alike = int(np.sum(np.abs(pairs - 1j * w) < _CRITICAL * w))
+    alike = int(np.sum(np.abs(pairs - 1j * w) < PAIR_CRITICAL * w))
     if alike > 1:
         hint = (
             f"{alike} equal pairs cross at once, as by symmetry, and many branches of cycles meet; find_orbit beside it"
@@ -140,7 +139,7 @@ def _corrected(
     system, pieces = problem.system, len(direction)
     kinds = (CLOSED_END,) + (CUT_END,) * (pieces - 1)
     signature = Signature((problem.mode,) * pieces, (-1,) * pieces, kinds, 0)
-    orbits = OrbitProblem(system, signature, problem.p.copy(), list(problem.active), np.array([scale]), _TOLERANCE)
+    orbits = OrbitProblem(system, signature, problem.p.copy(), list(problem.active), np.array([scale]), FINEST)
     if orbits.start(guess) is not None:
         return "the flow cannot be followed round the guess"
     branch = OrbitZeroProblem(orbits, guess, Interest(-math.inf, math.inf, scale))

@@ -15,6 +15,7 @@ from saltus.continuation.core.interest import Interest
 from saltus.continuation.core.multiple import branches_at, crossing
 from saltus.continuation.core.zero_problem import Point, correct
 from saltus.errors import ConvergenceError, InputError
+from saltus.scales import DIRECTIONS_ALIKE, TERMS_FAINT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["everywhere", "other_branches", "parameter_scale", "stepped"]
 
 _SHIFTS = (1e-3, 1e-4, 1e-5, 1e-2)  # changes of the parameter by a first step, over the one that alters the Jacobian
-_ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
-_FAINT = 1e-12  # size of an equation's terms, over the largest, up to which it has no size of its own
 _ITERATIONS = 12  # most Newton steps to a first solution
 
 
@@ -93,7 +92,7 @@ def other_branches(
     J = problem.evaluate(u)[1]
     sizes = np.append(state_sizes(problem, u, J) if known is None else known, 1.0)
     terms = np.abs(J * sizes).max(axis=1)
-    rows = 1.0 / np.where(terms > _FAINT * terms.max(), terms, terms.max() or 1.0)
+    rows = 1.0 / np.where(terms > TERMS_FAINT * terms.max(), terms, terms.max() or 1.0)
     left, values, right = np.linalg.svd(J * sizes * rows[:, None])
     if crossing(values) > 1:
         own = np.append(tangent[:n], tangent[n] / scale)
@@ -108,7 +107,7 @@ def other_branches(
     own = np.append(tangent[:n], tangent[n] / scale) / sizes
     likeness = [abs(float(own @ (d / sizes))) / float(np.linalg.norm(own) * np.linalg.norm(d / sizes))
                 for d in directions]  # fmt: skip
-    if not likeness or min(likeness) > 1.0 - _ALIKE:
+    if not likeness or min(likeness) > 1.0 - DIRECTIONS_ALIKE:
         hint = "to second order both branches leave in the same direction"
         raise ConvergenceError("other branch", 0.0, 0, hint)
     chosen = directions[int(np.argmin(likeness))]

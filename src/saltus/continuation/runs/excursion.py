@@ -19,6 +19,7 @@ from saltus.continuation.core.zero_problem import Event, Point, start_point
 from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.runs.two_sided import turned
+from saltus.scales import EXCURSION_SHORT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = ["adding_sliding_ahead"]
 
-_SHORT = 1e-2  # duration of an excursion, over the period, up to which it may be about to vanish
 _STEPS = 24  # steps along the branch without the excursion in which its touch is sought
 _CONTROL = StepControl(initial=1e-5, largest=2e-2)
 
@@ -74,7 +74,7 @@ def _without(branch: OrbitZeroProblem, point: Point) -> Neighbour | None:
     system, modes = problem.system, problem.signature.modes
     slides = [system.modes[system.mode_names[mode]].surface is not None for mode in modes]
     durations, count = point.u[n : problem.size : n + 1], len(modes)
-    short = _SHORT * float(np.abs(durations).sum())
+    short = EXCURSION_SHORT * float(np.abs(durations).sum())
     for i in np.argsort(durations).tolist():
         if count > 2 and not slides[i] and slides[i - 1] and modes[i - 1] == modes[(i + 1) % count]:
             if not durations[i] < short:

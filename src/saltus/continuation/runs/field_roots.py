@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.scales import ROOT_ORDER
+
 if TYPE_CHECKING:
     from saltus.orbits.orbit import PeriodicOrbit
 
 __all__ = ["rooted_modes"]
 
 _ROOT_PLACES = (1e-12, 1e-8, 1e-6)  # times behind the begin of a segment, over the period, that tell a root there
-_ROOT_ORDER = 0.75  # power of the time with which a field changes there, below which it has a root of it
 
 
 def rooted_modes(orbit: PeriodicOrbit) -> list[str]:
@@ -25,6 +26,6 @@ def rooted_modes(orbit: PeriodicOrbit) -> list[str]:
             for share in _ROOT_PLACES
         )
         small, large = (float(np.max(np.abs(there - here))) for there in (near, far))
-        if 0.0 < large < small * (_ROOT_PLACES[2] / _ROOT_PLACES[1]) ** _ROOT_ORDER:
+        if 0.0 < large < small * (_ROOT_PLACES[2] / _ROOT_PLACES[1]) ** ROOT_ORDER:
             found.append(part.mode)
     return list(dict.fromkeys(found))

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.problems.border import TOGETHER, beyond_border
+from saltus.continuation.problems.border import beyond_border
 from saltus.continuation.problems.map import MapZeroProblem
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
 from saltus.continuation.runs.one_parameter import branch_run
 from saltus.maps.orbit import MapOrbit
+from saltus.scales import BORDERS_ALIKE, HALVES_OF_MAP, MET
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from saltus.continuation.runs.two_sided import BothSides, OneSide
 
 __all__ = ["MapRun", "map_orbit_columns"]
-
-_RETURNED = 1e-8  # distance, in the states' sizes and the parameter's unit, up to which two border collisions are one
-_HALVED = 1e-5  # distance of an orbit's halves, in the states' sizes, at which the period halves
 
 
 def map_orbit_columns(joined: BothSides) -> dict[str, Any]:
@@ -61,11 +59,11 @@ class MapRun(AlgebraicRun):
         here = MapOrbit.from_unknowns(branch.problem, point.u, branch.sizes)
         sizes = branch.sizes[: branch.problem.states]
         for old in (found.solution for found in half.specials if found.name == self.border):
-            near = abs(old.parameters[self.name] - self.value(point)) <= _RETURNED * self.scale
+            near = abs(old.parameters[self.name] - self.value(point)) <= BORDERS_ALIKE * self.scale
             for k in range(here.period if near else 0):
                 turned = (*old.itinerary[k:], *old.itinerary[:k])
                 away = np.abs(wrapped(np.roll(old.points, -k, axis=0) - here.points, here.system.angle_places))
-                if turned == here.itinerary and np.all(away <= _RETURNED * sizes):
+                if turned == here.itinerary and np.all(away <= BORDERS_ALIKE * sizes):
                     return True
         return False
 
@@ -75,7 +73,7 @@ class MapRun(AlgebraicRun):
         for i, guard, height in problem.heights(point.u):
             gradient = problem.border(i, guard, point.u)[1]
             terms = np.abs(gradient[: problem.n]) @ branch.sizes
-            if abs(height) <= TOGETHER * terms and float(gradient @ point.tangent) < -TOGETHER * terms:
+            if abs(height) <= MET * terms and float(gradient @ point.tangent) < -MET * terms:
                 return "several points meet borders at once, and move to different sides of them"
         return None
 
@@ -100,7 +98,7 @@ class MapRun(AlgebraicRun):
         points, sizes = problem.points(point.u), branch.sizes[: problem.states]
         gaps = wrapped(points[:half] - points[half:], problem.system.angle_places)
         apart = float(np.max(np.abs(gaps) / sizes))
-        return "the period halves" if apart < _HALVED else None
+        return "the period halves" if apart < HALVES_OF_MAP else None
 
 
 @branch_run.register

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.runs.options import ROUNDING, checked_interval
+from saltus.continuation.runs.options import checked_interval
 from saltus.continuation.runs.run import Asked, Going, Run
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide
 from saltus.errors import InputError
+from saltus.scales import AT_NO_VALUE, BOUND_MISSED
 
 if TYPE_CHECKING:
     from saltus.continuation.core.interest import Interest
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["OneParameterRun", "Wanted", "branch_run"]
 
-_NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
 Wanted = tuple[str, str, float | None]  # a user's event: name, kind, value; None where an extremum is asked for
 
 
@@ -111,7 +111,7 @@ class OneParameterRun(Run):
     def met(self, value: float) -> float:
         """Return the bound, in the parameter's unit, that a value meets but for rounding, or the value itself."""
         for bound in (self.interest.low, self.interest.high):
-            value = bound if abs(value - bound) < ROUNDING else value
+            value = bound if abs(value - bound) < BOUND_MISSED else value
         return value
 
     def irregular(self, what: str, value: float, error: Exception, advice: str = "") -> InputError:
@@ -126,7 +126,7 @@ class OneParameterRun(Run):
 
     def value(self, point: Point) -> float:
         """Return the parameter of a point; 0 where it is rounding of the interval."""
-        return point.parameter * self.scale if abs(point.parameter) > _NOTHING else 0.0
+        return point.parameter * self.scale if abs(point.parameter) > AT_NO_VALUE else 0.0
 
     def told(self, point: Point) -> str:
         """See `Run.told`."""
@@ -139,12 +139,14 @@ class OneParameterRun(Run):
     def starts_outwards(self, point: Point) -> bool:
         """See `Run.starts_outwards`."""
         outwards = math.copysign(1.0, float(point.tangent[-1]))
-        return outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING
+        return (
+            outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -BOUND_MISSED
+        )
 
     def ready(self, piece: Any, origin: Point) -> Point:
         """See `Run.ready`: a start that misses a bound by rounding is on it, and no step away from it reaches it."""
         for kind, bound in (("low", self.interest.low), ("high", self.interest.high)):
-            if abs(origin.parameter - bound) < ROUNDING:
+            if abs(origin.parameter - bound) < BOUND_MISSED:
                 origin.u[-1] = bound
                 origin.examined = replace(origin.examined, monitors={**origin.examined.monitors, Monitor(kind): 0.0})
         return origin

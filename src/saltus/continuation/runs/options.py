@@ -14,10 +14,10 @@ from saltus.continuation.results.special_points import SpecialPoint
 from saltus.errors import InputError, nearest
 from saltus.orbits.observables.quantities import Quantity, read_quantity
 from saltus.orbits.orbit import PeriodicOrbit
+from saltus.scales import BOUND_MISSED
 from saltus.system import HybridSystem, Map
 
 __all__ = [
-    "ROUNDING",
     "BranchOptions",
     "Plane",
     "asked_types",
@@ -33,7 +33,6 @@ __all__ = [
     "unit_of",
 ]
 
-ROUNDING = 1e-9  # share of a parameter's interval by which a start may miss a bound
 _DIRECTIONS = ("both", "up", "down")  # ways that the parameter may go at the start
 _TYPES = "types of special points"  # what messages ask for in `stop_at`
 
@@ -137,7 +136,7 @@ def checked_interval(
 
 def _check_start(name: str, value: float, low: float, high: float) -> None:
     """Raise `InputError` where an interval does not hold the start."""
-    slack = ROUNDING * unit_of(low, high, value)
+    slack = BOUND_MISSED * unit_of(low, high, value)
     if not low - slack <= value <= high + slack:
         raise InputError("bounds", (low, high), f"an interval that holds the start, {name} = {value:g}")
 
@@ -243,7 +242,7 @@ def read_plane(solution: Any, parameters: tuple[str, str], bounds: Mapping[str, 
         if low < lowest or high > highest:
             allowed = f"within [{lowest:g}, {highest:g}], where {name} may lie"
             raise InputError(f"bounds[{name!r}]", bounds[name], allowed)
-        slack = ROUNDING * (high - low)
+        slack = BOUND_MISSED * (high - low)
         if not low - slack <= solution.parameters[name] <= high + slack:
             wanted = f"an interval that holds the start, {name} = {solution.parameters[name]:g}"
             raise InputError(f"bounds[{name!r}]", bounds[name], wanted)

@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
-from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
+from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
 from saltus.continuation.problems.changes import type_of_change
 from saltus.continuation.problems.copies import copied
 from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead
@@ -49,6 +49,7 @@ from saltus.orbits.signature import ON_BORDER, Signature
 from saltus.orbits.stability.critical import solve_branch_point
 from saltus.orbits.stability.floquet import distance_from_circle
 from saltus.orbits.unfolding import Fixed
+from saltus.scales import ADMISSIBLE_SIDE, BRANCH_POINT_NEAR, FOLD_SHADOW, SAME_POINT, SHRUNK
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -57,10 +58,6 @@ if TYPE_CHECKING:
 
 __all__ = ["OrbitRun", "orbit_columns"]
 
-_TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
-_SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to which it is an equilibrium
-_SHADOW = 1e-9  # distance in the parameter, over its interval, up to which a fold is the shadow of a change
-_NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 _SURVEYED = "admissible", "residual", "implicit", "lows", "highs", "means", "harmonics"  # columns that surveys have
 
 
@@ -175,11 +172,11 @@ class OrbitRun(OneParameterRun):
         self._check_events(found)
         # a start at a grazing counts as on its admissible side, whatever the rounding
         monitors = {
-            name: _TOUCHING if at_grazing(name) and abs(value) < SAME * SAME else value
+            name: ADMISSIBLE_SIDE if at_grazing(name) and abs(value) < SAME_POINT * SAME_POINT else value
             for name, value in found.monitors.items()
         }
         data = found.data
-        if any(value == _TOUCHING and name.kind in ("duration", "rate") for name, value in monitors.items()):
+        if any(value == ADMISSIBLE_SIDE and name.kind in ("duration", "rate") for name, value in monitors.items()):
             monitors = {name: value for name, value in monitors.items() if name.kind != "TR"}
             data = replace(data, followed=())  # multipliers mean nothing at a grazing
         point.examined = replace(found, monitors=monitors, data=data)
@@ -390,7 +387,7 @@ class OrbitRun(OneParameterRun):
             return False
         last = half.specials[-1]
         apart = abs(last.solution.parameters[self.name] - point.parameter * self.scale)
-        return last.after >= len(half.points) - 2 and apart < _SHADOW * self._wide * self.scale
+        return last.after >= len(half.points) - 2 and apart < FOLD_SHADOW * self._wide * self.scale
 
     def _is_point(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> bool:
         """Return whether the autonomous cycle of a point is an equilibrium, by the sizes of the branch's cycles."""
@@ -399,7 +396,7 @@ class OrbitRun(OneParameterRun):
         surveys = [item.examined.data.survey for _, item in half.points]
         n, own = branch.problem.n, point.examined.data.survey
         largest = np.max([survey.highs[:n] - survey.lows[:n] for survey in surveys], axis=0)
-        return bool(np.all(own.highs[:n] - own.lows[:n] <= _SHRUNK * largest))
+        return bool(np.all(own.highs[:n] - own.lows[:n] <= SHRUNK * largest))
 
     def found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
         """See `OneParameterRun.found`."""
@@ -438,7 +435,7 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
 def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:
     """Return a branch point located by equations that are regular there; unchanged where they have no solution."""
     u = solve_branch_point(branch.problem, point.u, branch.evaluate(point.u)[1])
-    if u is None or float(point.weights @ (u - point.u) ** 2) > _NEAR**2:
+    if u is None or float(point.weights @ (u - point.u) ** 2) > BRANCH_POINT_NEAR**2:
         return point
     found = replace(point, u=u, J=branch.evaluate(u)[1])
     found.examined = branch.examine(found, None)

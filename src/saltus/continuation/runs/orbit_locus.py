@@ -11,7 +11,7 @@ import numpy as np
 from saltus.continuation.core.locating import events_between
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES, loci_through
-from saltus.continuation.core.zero_problem import SAME, Event, Point
+from saltus.continuation.core.zero_problem import Event, Point
 from saltus.continuation.problems.changes import type_of_change
 from saltus.continuation.problems.critical_points import CriticalOrbit
 from saltus.continuation.problems.ends.closure import alongside, passes
@@ -26,6 +26,7 @@ from saltus.errors import InputError
 from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.signature import ON_BORDER
+from saltus.scales import LOCUS_SHADOW, SAME_POINT, UNFOLDED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,8 +42,6 @@ _ENDS = {
 }
 
 _LEAST = 1e-3  # size of an unknown, over the largest of the states, by which the way from the start is measured
-_SHADOW = 1e-8  # distance of both parameters, over their intervals, up to which a bifurcation is a change's shadow
-_UNFOLDED = 1e-7  # forcing from which on the branch points of a BP locus do not persist
 
 
 class OrbitLocusRun(TwoParameterRun):
@@ -122,7 +121,7 @@ class OrbitLocusRun(TwoParameterRun):
 
     def passed(self, piece: LocusZeroProblem, point: Point) -> str | None:
         """See `Run.passed`."""
-        unfolded = self.kind == "BP" and abs(float(point.u[piece.problem.size])) > _UNFOLDED
+        unfolded = self.kind == "BP" and abs(float(point.u[piece.problem.size])) > UNFOLDED
         return "the branch point does not persist: the parameters unfold it" if unfolded else None
 
     def closes(self, half: OneSide, piece: LocusZeroProblem, last: Point, point: Point) -> bool:
@@ -150,7 +149,7 @@ class OrbitLocusRun(TwoParameterRun):
         """See `TwoParameterRun.special`."""
         kind, at = event.name.kind, event.name.segment
         on_grazing = self.start is not None and self.start.locus in CHANGES
-        if on_grazing and event.point.arc < SAME and kind != "TP" and not at_grazing(event.name):
+        if on_grazing and event.point.arc < SAME_POINT and kind != "TP" and not at_grazing(event.name):
             return None  # at a start on a grazing every determinant vanishes
         of = ""
         if kind == "TP":
@@ -183,7 +182,7 @@ class OrbitLocusRun(TwoParameterRun):
         here = found.solution.parameters
         apart = max(abs(here[name] / unit - value) for name, unit, value in
                     zip(self.names, self.scales.tolist(), point.u[-2:].tolist(), strict=True))  # fmt: skip
-        return found.name not in CHANGES and found.name != "TP" and apart < _SHADOW
+        return found.name not in CHANGES and found.name != "TP" and apart < LOCUS_SHADOW
 
     def _orbit(self, point: Point) -> PeriodicOrbit:
         branch, data = self.branch, point.examined.data

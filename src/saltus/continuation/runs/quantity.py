@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.interest import Interest
-from saltus.continuation.core.verdicts import RESTS
 from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.ends.shrinking import at_rest, centre_ahead
 from saltus.continuation.problems.orbit import OrbitZeroProblem
@@ -25,6 +24,7 @@ from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.unfolding import UnfoldedEquations
+from saltus.scales import PARAMETER_RESTS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -88,7 +88,7 @@ class QuantityRun(OrbitRun):
     def start(self, branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Point:
         """Return the first point of the branch; raise `InputError` where the quantity rests there."""
         point = start_point(branch, u)
-        if abs(float(point.tangent[-1])) < RESTS:
+        if abs(float(point.tangent[-1])) < PARAMETER_RESTS:
             raise InputError("parameter", self.name, "a quantity that varies from orbit to orbit", "it rests here")
         return point
 

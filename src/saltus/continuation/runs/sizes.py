@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from saltus.errors import ConvergenceError
+from saltus.scales import ONE_VALUE, SOLUTION_APART
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["other_than", "upwards"]
 
-_MOVED = 1e-9  # change of the parameter, in its unit, by which a solution is another one
-_APART = 1e-8  # change of a state, over the largest size, by which it is
 _GUESSES = tuple(
     10.0**k for k in (0, 3, 6, 9, 12, 15, 18, -3, -6, -9, -12, -15, -18)
 )  # size of a state at rest, over the largest, in turn
@@ -62,9 +61,9 @@ def other_than(
                 raise
             reason = str(error)
             continue
-        if moved > _MOVED:
+        if moved > ONE_VALUE:
             return found
-        if apart > _APART * top:
+        if apart > SOLUTION_APART * top:
             kept.append(found)
     if kept:
         return kept[0]

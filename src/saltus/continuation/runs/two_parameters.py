@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.core.zero_problem import SAME, start_point
+from saltus.continuation.core.zero_problem import start_point
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.continuation.runs.options import ROUNDING, Plane
+from saltus.continuation.runs.options import Plane
 from saltus.continuation.runs.run import Asked, Run
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
 from saltus.errors import InputError
-from saltus.scales import LOCATED, Verdict, zero
+from saltus.scales import ASIDE_OF_POINT, BOUND_MISSED, LOCATED, REGULAR, SAME_POINT, START_MOVED, Verdict, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,11 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["TwoParameterRun", "locus_run"]
 
-_MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a locus may differ from the start
 _COEFFICIENTS = ("CP", "GPD", "CH", "GH")  # types at which a coefficient of the normal form vanishes
-_ASIDE = 1e-4  # least distance, in arclength, from a special point of a point that has none of its rank
 _DEGENERATE = "a family of solutions goes through, or two loci meet"
-_REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
 
 
 @singledispatch
@@ -133,13 +130,13 @@ class TwoParameterRun(Run):
         """Return the equations and the first point, its tangent towards growing values of the user's second one."""
         z = self.extended()
         found = np.linalg.svd(self.judged(self.branch.evaluate(z)[1] * self.branch.scale()), compute_uv=False)
-        if not found[-1] > _REGULAR * found[0]:
+        if not found[-1] > REGULAR * found[0]:
             raise self.irregular(self.why_irregular())
         try:
             point = start_point(self.branch, z)
         except (ValueError, np.linalg.LinAlgError) as error:
             raise self.irregular(str(error)) from None
-        if (moved := self.moved(point.u, z)) > _MOVED:
+        if (moved := self.moved(point.u, z)) > START_MOVED:
             hint = "the nearest one lies that far from it"
             raise InputError("start", f"{moved:.2g} away", f"a located {self.kind}", hint)
         point.examined = self.examined(point)
@@ -153,9 +150,13 @@ class TwoParameterRun(Run):
         """
         joined = super().joined()
         own = self.at_start(joined.rows[joined.offset][1])
-        if own is not None and all(found.name != own.name or abs(arc) > SAME for found, _, arc in joined.specials):
+        if own is not None and all(
+            found.name != own.name or abs(arc) > SAME_POINT for found, _, arc in joined.specials
+        ):
             others = [
-                item for item in joined.specials if own.name != "CP" or item[0].name != "TP" or abs(item[2]) > SAME
+                item
+                for item in joined.specials
+                if own.name != "CP" or item[0].name != "TP" or abs(item[2]) > SAME_POINT
             ]
             joined.specials = sorted([*others, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
         return joined
@@ -179,7 +180,7 @@ class TwoParameterRun(Run):
         singular value grows as the distance from such a place.
         """
         known = [half.first, *(other for piece, other in half.points if piece is self.branch)]
-        away = [other for other in known if point.arc - other.arc > _ASIDE and other.J.shape == point.J.shape]
+        away = [other for other in known if point.arc - other.arc > ASIDE_OF_POINT and other.J.shape == point.J.shape]
         if not away:
             return False
         beside = away[-1]
@@ -193,7 +194,7 @@ class TwoParameterRun(Run):
         values = values / self.scales
         for i, interval in enumerate(self.bounds):
             for bound in interval:
-                values[i] = bound if abs(values[i] - bound) < ROUNDING else values[i]
+                values[i] = bound if abs(values[i] - bound) < BOUND_MISSED else values[i]
         return values
 
     def place(self, point: Point) -> str:
@@ -220,7 +221,7 @@ class TwoParameterRun(Run):
         for i, (low, high) in enumerate(self.bounds):
             along = float(point.tangent[i - 2])
             beyond = math.copysign(1.0, along) * (float(point.u[i - 2]) - (high if along > 0.0 else low))
-            if beyond > -ROUNDING and abs(along) > ROUNDING:
+            if beyond > -BOUND_MISSED and abs(along) > BOUND_MISSED:
                 return True
         return False
 

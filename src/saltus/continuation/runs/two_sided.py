@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus.continuation.core.zero_problem import Examined, Point
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.scales import SAME_POINT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,9 +38,6 @@ class Found:
     kind: str = ""
     scale: NDArray[np.float64] | None = None
     homoclinic: Homoclinic | None = None
-
-
-_AT_END = 1e-6  # distance from a curve's end, in arclength, up to which a turn of a parameter belongs to the end
 
 
 @dataclass
@@ -113,7 +111,9 @@ def traced(
         half = trace(again() if halves else start, sign)
         if not half.closed and half.points:
             end = half.points[-1][1].arc
-            half.specials = [found for found in half.specials if found.name != "TP" or abs(found.arc - end) > _AT_END]
+            half.specials = [
+                found for found in half.specials if found.name != "TP" or abs(found.arc - end) > SAME_POINT
+            ]
         halves.append(half)
     return halves
 

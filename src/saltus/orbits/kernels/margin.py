@@ -11,14 +11,9 @@ from saltus.flow.kernels.segment import EVENT_X
 from saltus.orbits.kernels.curve import FINE, GUARD, fine, held, lowest, sample, turning
 from saltus.orbits.kernels.together import holds
 from saltus.orbits.signature import BEYOND, BOUNDARY, EARLY, SECTION, WHOLE
-from saltus.scales import EPS, ROUNDINGS
+from saltus.scales import CONDITION_VANISHES, EPS, EQUALLY_FAR, EVENT_ROUNDED, ROUNDINGS, TOO_BRIEF
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
-
-LEVEL = 1e-8  # share of an event function's variation within which a segment is as a whole equally far from its surface
-ZERO = 1e-13  # share of an event function's variation below which it is rounding
-TURNS = 1e-4  # share of its value nearby below which a condition is 0 at an extremum of the event function
-BRIEF = 1e-4  # share of the period below which a segment is too short to show such a distance
 
 
 class Surface(NamedTuple):
@@ -90,7 +85,7 @@ def margin(view, curve, k, head, transition, before, there, closed, room, found)
         sign, top, bottom = -1.0, -bottom, -top
         for j in range(total + 1):
             height[j] = -height[j]
-    level = curve.duration > BRIEF * view.period and top - bottom <= LEVEL * reach + 1e-14 * size
+    level = curve.duration > TOO_BRIEF * view.period and top - bottom <= EQUALLY_FAR * reach + 1e-14 * size
     passed = top < -small and view.directions[k] != 0 and view.surfaces[k] == BOUNDARY
     if not ends and not begins and (level or passed):
         met = held(view, curve, k, room.x, room.one)
@@ -99,10 +94,10 @@ def margin(view, curve, k, head, transition, before, there, closed, room, found)
         if level:
             if met > 0 and view.surfaces[k] != SECTION:
                 distance = sign * height[0] if view.directions[k] == 0 else height[0]
-                found.margins[at] = distance if abs(distance) > ZERO * reach else 0.0
+                found.margins[at] = distance if abs(distance) > EVENT_ROUNDED * reach else 0.0
                 found.places[at] = WHOLE
             return bad
-    surface = Surface(k, at, sign, height, small, ZERO * (reach + size))
+    surface = Surface(k, at, sign, height, small, EVENT_ROUNDED * (reach + size))
     more, seen = _touches(view, curve, surface, ends, begins, room, found)
     bad |= more
     return bad | _at_seam(view, curve, surface, seen, room, found) if closed else bad
@@ -192,7 +187,7 @@ def _noted(view, curve, surface, least, place, beside, room, found):
     aside = room.one[0]
     sample(view, curve, int64(0), 1.0, place, room.x, room.out)
     call(view.functions[GUARD], guard, 0, room.x, 0, view.p, room.one, 0)
-    if not (aside if abs(room.one[0]) < TURNS * abs(aside) else room.one[0]) > 0.0:
+    if not (aside if abs(room.one[0]) < CONDITION_VANISHES * abs(aside) else room.one[0]) > 0.0:
         return 0
     found.margins[surface.at], found.places[surface.at] = least, place
     return EARLY if least < -surface.small else 0

@@ -11,11 +11,10 @@ import numpy as np
 from numba import int64
 
 from saltus.orbits.signature import CLOSED_END, PHASE_END
+from saltus.scales import ALIGNED
 from saltus.system.numba_tools.linear import solve_flat
 from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, keep, outlined, pointer
-
-ALIGNED = 0.99  # square of the cosine up to which a vector is an improvement of another one
 
 
 @kernel

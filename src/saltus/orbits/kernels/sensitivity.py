@@ -12,16 +12,10 @@ from saltus.flow.kernels.segment import EVENT_P, EVENT_X, FIELD
 from saltus.orbits.kernels.equation import pointed
 from saltus.orbits.kernels.variation import Path, View, curve_of, differentiate, look, rate_of, value_of
 from saltus.orbits.records import Mesh, Observed, Orbit, Seen
+from saltus.scales import EXTREME_SAMPLED, EXTREMES_TIED, JUMPED, ON_CORNER, QUANTITY_ERROR, SLOPES_ALIKE, TURNS_THERE
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer
 
-NEAR = 0.05  # share of the range by which a sampled extreme may miss the true one
-ALIKE = 1e-6  # difference of two slopes, over the largest along the orbit, up to which they are one
-TIED = 1e-10  # difference of two extremes, over the range, up to which they are equal
-JUMPED = 1e-8  # change of a quantity at a place, over its range, from which on it jumps there
-NOISE = 1e-12  # error of a quantity, over how much it varies with the states' sizes
-STILL = 1e-14  # rate at a place, over the rates nearby, up to which a quantity turns there
-LEVEL = 1e-9  # height over the largest up to which what vanishes at a corner is on it
 SMOOTH = 0  # an extreme with derivatives
 AT_TWO_PLACES = 1  # one that is attained at two places
 AT_A_JUMP = 2  # one at a place where its quantity jumps
@@ -161,7 +155,7 @@ def observe(orbit, mesh, dense, u, du, observed, seen):
             _sample(view, wanted, curve.mode, kept, at, int64(-1))
             at += 1
         for q in range(expressions):
-            level = LEVEL * max(heights[q], heights[expressions + q])
+            level = ON_CORNER * max(heights[q], heights[expressions + q])
             if min(heights[q], heights[expressions + q]) > level:
                 seen.bent[q] = 1
             heights[q] = heights[expressions + q] = 0.0
@@ -272,7 +266,7 @@ def _sample(view, wanted, mode, kept, at, g):
         kept.values[j * kept.samples + at] = wanted.signs[j] * value_of(view, what)
         kept.rates[j * kept.samples + at] = wanted.signs[j] * rate_of(view, what)
         if g < 0:
-            kept.noise[j] = _larger(kept.noise[j], NOISE * _size(view, wanted.scale, what))
+            kept.noise[j] = _larger(kept.noise[j], QUANTITY_ERROR * _size(view, wanted.scale, what))
             largest, slopes = pointer(kept.sizes, j * view.columns), pointer(kept.extremes, j * (1 + view.columns))
             differentiate(view, what, slopes)
             for k in range(view.columns):
@@ -310,7 +304,7 @@ def _extreme(view, wanted, path, j, work, kept):
     size = max(abs(top), abs(bottom))
     best = pointer(kept.extremes, j * (1 + columns))
     peak = Peak(
-        wanted.extremes[j], wanted.signs[j], TIED * width + 4e-16 * size + kept.noise[j], JUMPED * width + 1e-14 * size, best,
+        wanted.extremes[j], wanted.signs[j], EXTREMES_TIED * width + 4e-16 * size + kept.noise[j], JUMPED * width + 1e-14 * size, best,
         pointer(kept.sizes, j * columns), work, pointer(work, 2 + columns),
         wanted.first,
     )  # fmt: skip
@@ -319,7 +313,7 @@ def _extreme(view, wanted, path, j, work, kept):
     for i in range(path.segments):
         curve, before = curve_of(path, i, view.length), best[0]
         for a in range(curve.count * each):
-            near = max(values[at + a], values[at + a + 1]) >= top - NEAR * width
+            near = max(values[at + a], values[at + a + 1]) >= top - EXTREME_SAMPLED * width
             if near and rates[at + a] > 0.0 and rates[at + a + 1] <= 0.0:
                 step, place = a // each, a % each
                 low = 0.0 if place == 0 else wanted.places[2 * place - 1]
@@ -380,7 +374,7 @@ def _turn(view, curve, peak, step, low, high):
     look(view, curve, step, high)
     _note(view, curve.mode, peak, peak.high)
     rise, fall = peak.low[1], peak.high[1]
-    still = STILL * (rise - fall)
+    still = TURNS_THERE * (rise - fall)
     for ask in range(100):
         if high - low < 1e-15:
             break
@@ -428,7 +422,7 @@ def _offer(peak, columns, like, kind):
         return kind
     best[0] = max(best[0], found[0])
     for k in range(columns):
-        if like != SMOOTH or not abs(best[1 + k] - found[2 + k]) <= ALIKE * peak.sizes[k]:
+        if like != SMOOTH or not abs(best[1 + k] - found[2 + k]) <= SLOPES_ALIKE * peak.sizes[k]:
             best[1 + k] = np.nan
             kind = AT_TWO_PLACES if kind == SMOOTH and like == SMOOTH else max(kind, like)
     return kind

@@ -29,10 +29,10 @@ from saltus.orbits.signature import (
     VALUE,
     WHEN,
 )
+from saltus.scales import EXTREME_SURVEYED
 from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
-PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss the true one
 MOVED = 3.0  # ways that exponents may go in a step of a mesh that was moved since it was made with 1
 
 
@@ -377,7 +377,7 @@ def _extremes(view, curve, room, found):
             fa, fm, fb = sign * value[j - 1], sign * value[j], sign * value[j + 1]
             least = lows[q] if sign > 0.0 else -highs[q]
             # the sampled peak that wins may belong to another true one
-            if fm <= fa and fm < fb and fm <= least + PEAK * (highs[q] - lows[q]):
+            if fm <= fa and fm < fb and fm <= least + EXTREME_SURVEYED * (highs[q] - lows[q]):
                 _, least = lowest(view, curve, q, sign, j, fa, fm, fb, room.x, room.out)
                 if sign > 0.0:
                     lows[q] = min(lows[q], least)

@@ -7,14 +7,12 @@ from saltus.flow.kernels.side import RESET, EventEnds, SideRoom, turns_back
 from saltus.flow.kernels.step import ROUNDING
 from saltus.orbits.kernels.curve import GUARD
 from saltus.orbits.signature import EARLY, EVENT_END, SECTION
-from saltus.scales import CARRIED
+from saltus.scales import CARRIED, CONDITION_INCLUDES, MET
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 
-ZERO = 1e-9  # value of an event function, over its variation with the states' sizes, up to which it is 0
 MADE = 1  # of an event that the orbit has at the same time as another one, before that one
 DUE = 2  # behind that one
-LEAST = 1e-290  # beyond what a condition that includes 0 adds to be positive there
 
 
 @njit(**INNER)
@@ -42,7 +40,7 @@ def together(view, piece, following, curve, head, rate, instant, room, found):
         if instant[k] == DUE:
             continue
         height, _, goes_on = _beyond(view, k, direction if direction != 0 else way, after, room)
-        if goes_on and abs(height) <= ZERO:
+        if goes_on and abs(height) <= MET:
             bad |= holds(view, k, after, at, room, found)
     return bad
 
@@ -59,7 +57,7 @@ def is_at_once(view, piece, x, room):
     reach = 0.0
     for e in range(view.n):
         reach += abs(room.slope[2 + e]) * view.sizes[e]
-    return goes_on and abs(height) <= ZERO and abs(piece.duration * rate) <= ZERO * reach
+    return goes_on and abs(height) <= MET and abs(piece.duration * rate) <= MET * reach
 
 
 @njit(**INNER)
@@ -88,7 +86,7 @@ def _beyond(view, k, way, x, room):
     for e in range(view.n):
         reach += abs(room.slope[2 + e]) * view.sizes[e]
         speed += abs(room.slope[2 + view.n + e]) * view.sizes[e]
-    return height / reach if reach > 0.0 else 0.0, rate, way * rate > ZERO * speed
+    return height / reach if reach > 0.0 else 0.0, rate, way * rate > MET * speed
 
 
 @njit(**INNER)
@@ -113,7 +111,7 @@ def _opposite(view, k, other, x, room):
     call(view.functions[GUARD], view.modes + k, 0, x, 0, view.p, room.one, 0)
     one = room.one[0]
     call(view.functions[GUARD], view.modes + other, 0, x, 0, view.p, room.one, 0)
-    return abs(one + room.one[0]) <= ZERO * (abs(one) + abs(room.one[0])) + LEAST
+    return abs(one + room.one[0]) <= MET * (abs(one) + abs(room.one[0])) + CONDITION_INCLUDES
 
 
 @njit(**INNER)

@@ -15,6 +15,7 @@ import numpy as np
 from saltus.orbits.observables.observed import Differentiated, Plan, Sums, planned
 from saltus.orbits.observables.quantities import sizes_of_unknowns
 from saltus.orbits.records import Orbit, Seen
+from saltus.scales import PARAMETER_MOVES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["followed", "gradient_of", "slope_along"]
 
 _NONE = -1  # of a variation that no parameter takes part in
-_MOVES = 1e-12  # change of a parameter, in its unit, per unit of arclength, up to which it rests along a branch
 _ROOM = 1 << 23  # numbers in the dense output of variations that are followed at once: 64 MB
 _STEP = 2e-5  # change of an unknown, over its size, in differences of what has no derivative
 
@@ -205,7 +205,7 @@ def slope_along(problem: OrbitProblem, u: NDArray[np.float64], tangent: NDArray[
         The observable, as `PeriodicOrbit.sensitivity` takes it.
     """
     chosen, unit = _NONE, 1.0
-    if len(problem.active) and abs(tangent[problem.size]) > _MOVES:
+    if len(problem.active) and abs(tangent[problem.size]) > PARAMETER_MOVES:
         chosen, unit = int(problem.active[0]), float(problem.scales[0] * tangent[problem.size])
     plan = planned(problem.system, (name,))
     found = followed(problem, u, tangent[: problem.size, None] / unit, plan, (chosen,))

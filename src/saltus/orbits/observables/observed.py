@@ -16,6 +16,7 @@ import numpy as np
 from saltus.flow.formulas import Formula, Observable, read_formula
 from saltus.orbits.observables.quantities import Quantity, read_quantity
 from saltus.orbits.records import Observed
+from saltus.scales import AMPLITUDE_ROUNDED
 from saltus.system.once import once
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 __all__ = ["Differentiated", "Plan", "Sums", "planned"]
 
 _NODES = 5  # fewest nodes in a step; a step through a wide angle has more
-_FAINT = 1e-10  # amplitude, over the mean size of what oscillates, below which it is rounding of 0
 _NO_HARMONIC = "there is no harmonic of this order, so that its phase and the direction of its growth are unknown"
 _BENT = "the expression has a corner or jumps within a segment: make an event of it"
 _EXTREMES = {
@@ -236,7 +236,7 @@ def _part(found: Sums, kind: str, at: int, one: Observable) -> Differentiated:
         return Differentiated(0.0, np.zeros(period.slopes.size))
     harmonic, turned = complex(2j * found.averages[at, 0]), found.turned[at]
     size = abs(harmonic)
-    if found.turns % one.order.denominator or not size > _FAINT * found.sums[at, 2, 0] / period.value:
+    if found.turns % one.order.denominator or not size > AMPLITUDE_ROUNDED * found.sums[at, 2, 0] / period.value:
         return Differentiated(size if kind == "amplitude" else math.nan, nothing, _NO_HARMONIC)
     if kind == "amplitude":
         return Differentiated(size, turned.real)

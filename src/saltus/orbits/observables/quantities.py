@@ -17,6 +17,7 @@ from saltus.flow.formulas import read_formula
 from saltus.flow.observables import observe, unheard
 from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.sampling import motion_of
+from saltus.scales import CONSTANT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Quantity", "read_quantity", "sizes_of_unknowns"]
 
-_CONSTANT = 1e-7  # range of a state or output over a period, over its size, up to which it is constant
 _EXAMPLES = "'period', 'max_x' or 'mean(x)'"
 
 
@@ -67,7 +67,7 @@ class Quantity:
         return math.remainder(value - wanted, self.turn) if self.turn else value - wanted
 
     def check_constant(
-        self, problem: OrbitProblem, u: NDArray[np.float64], size: float, most: float = _CONSTANT
+        self, problem: OrbitProblem, u: NDArray[np.float64], size: float, most: float = CONSTANT
     ) -> None:
         """Raise `InputError` where the quantity is a state or output that varies along the orbit `u`.
 

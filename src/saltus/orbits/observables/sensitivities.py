@@ -30,6 +30,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.stability.critical import scaling, touched
 from saltus.orbits.stability.multiplier_slopes import MultiplierSlopes, multipliers_by_parameters
 from saltus.orbits.winding import rotating_of
+from saltus.scales import SINGULAR
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,7 +40,6 @@ __all__ = ["Sensitivities", "sensitivities", "unknowns_by_parameters"]
 
 MULTIPLIERS = "multipliers"  # what the multipliers are asked for by
 SEGMENTS = "segments"  # what the segments' starts and durations are asked for by
-_SINGULAR = 1e-9  # least singular value of the equations, over the largest, at which parameters determine no orbit
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def unknowns_by_parameters(
         raise ConvergenceError("the orbit's variations", math.inf, 0, "the field is singular on the orbit")
     columns, rows = scaling(problem, J, u)
     left, values, right = np.linalg.svd(rows[:, None] * J[:, : problem.size] * columns)
-    if not values[-1] > _SINGULAR * values[0]:
+    if not values[-1] > SINGULAR * values[0]:
         found = f"with a multiplier 1: singular values {values[-1]:.2g} to {values[0]:.2g}"
         hint = "at a saddle-node, SpecialPoint.sensitivity tells how it moves; in a family nothing is determined"
         raise InputError("orbit", found, "one that its parameters determine", hint)

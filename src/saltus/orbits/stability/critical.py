@@ -22,6 +22,7 @@ import numpy as np
 
 from saltus.orbits.records import events_of
 from saltus.orbits.signature import EVENT_END, MEAN_END, SECTION, WHOLE, Survey
+from saltus.scales import NEWTON_CONVERGED, TOUCHING, UNFORCED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,16 +31,13 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import EVENT_END, MEAN_END, SECTION, WHOLE, Survey
 
 __all__ = [
-    "TOUCHING", "Branching", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
+    "Branching", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
     "solve_branch_point", "touched", "vanishing_segment",
 ]  # fmt: skip
 
 _DIFFERENCE = 2e-5  # change of an unknown, over its size, in differences of a condition
-TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration, over the period, that is a grazing
 
 _ITERATIONS = 12  # Newton steps to a branch point, at most
-_CONVERGED = 1e-9  # largest relative Newton step of a converged branch point
-_UNFORCED = 1e-9  # forcing of the equations, in their units, up to which a branch point persists
 
 
 def closing(problem: OrbitProblem) -> NDArray[np.float64]:
@@ -382,8 +380,8 @@ def solve_branch_point(
         if not np.all(np.isfinite(z)):
             return None
         length = float(np.max(np.abs(step) / scale))
-        if length < _CONVERGED and problem.refine():
-            return z[: size + 1] if abs(z[-1]) < _UNFORCED else None
+        if length < NEWTON_CONVERGED and problem.refine():
+            return z[: size + 1] if abs(z[-1]) < UNFORCED else None
         condition.adjust()
     return None
 

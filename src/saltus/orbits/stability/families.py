@@ -9,7 +9,16 @@ import numpy as np
 from saltus.errors import ConvergenceError
 from saltus.orbits.signature import CLOSED_END
 from saltus.orbits.stability.critical import scaling
-from saltus.scales import SENSITIVITIES, followed
+from saltus.scales import (
+    LEAST_APART,
+    NEWTON_CONVERGED,
+    RATE_ROUNDED,
+    SENSITIVITIES,
+    SINGULAR,
+    UNFORCED_BESIDE,
+    UNMOVED,
+    followed,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,13 +29,7 @@ __all__ = ["ISOLATED", "check_moves", "dimension_nearby", "of_a_family", "why_a_
 
 ISOLATED = "isolated periodic orbit"  # what is sought where one of a family is found
 
-_SINGULAR = 0.3  # least singular value, over the next one, above which an orbit near a guess is isolated
-_OPEN = 1e-9  # singular value, over the largest, along whose direction the equations tell nothing
 _AWAY = 1e-2  # distance between the two orbits that are compared, in units of the states
-_FORCED = 1e-8  # forcing of the equations, in their units, up to which an orbit solves them
-_CONVERGED = 1e-9  # largest relative Newton step of a converged orbit
-_RESTS = 1e-9  # motion of a state over the period, over its size, up to which it rests
-_ROUNDING = 1e-15  # rate of a state, over its terms, that is rounding of 0
 _BESIDE = 0.1  # distance from an invariant plane, in units of the states, at which states act on each other
 _DAMPED = 60  # damped steps to an orbit, at most
 _ITERATIONS = 10  # Newton steps to an orbit, at most
@@ -53,26 +56,26 @@ def of_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
         return False
     columns, rows = scaling(problem, J, u)
     left, values, right = np.linalg.svd(rows[:, None] * J * columns)
-    if values.size < 2 or values[-1] > max(_SINGULAR * values[-2], _OPEN * values[0]):
+    if values.size < 2 or values[-1] > max(LEAST_APART * values[-2], SINGULAR * values[0]):
         return False
     z = u.copy()
     for _ in range(_ITERATIONS):
         left, values, right = np.linalg.svd(rows[:, None] * J * columns)
-        closed = values[:-1] > _OPEN * values[0]
+        closed = values[:-1] > SINGULAR * values[0]
         inverse = np.append(np.divide(1.0, values[:-1], where=closed, out=np.zeros(values.size - 1)), 0.0)
         step = -(right.T @ (inverse * (left.T @ (rows * F))))
         z = z + columns * step
         F, J = problem.resolve(z)
         if not np.all(np.isfinite(F)):
             return False
-        if np.abs(step).max() < _CONVERGED:
+        if np.abs(step).max() < NEWTON_CONVERGED:
             break
     else:
         return False
-    if np.abs(rows * F).max() > _FORCED:
+    if np.abs(rows * F).max() > UNFORCED_BESIDE:
         return False
     left, values, right = np.linalg.svd(rows[:, None] * J * columns)
-    return _forcing_beside(problem, z, columns, rows, right[-1], left[:, -1]) < _FORCED
+    return _forcing_beside(problem, z, columns, rows, right[-1], left[:, -1]) < UNFORCED_BESIDE
 
 
 def dimension_nearby(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
@@ -123,7 +126,7 @@ def check_moves(problem: OrbitProblem, u: NDArray[np.float64]) -> None:
     count = problem.n
     mode, x = int(problem.modes[0]), np.ascontiguousarray(u[:count])
     rates, J = problem.system.compiled.linearised(mode, x, problem.extended)
-    if np.all(np.abs(rates) <= _ROUNDING * (np.abs(J) @ np.abs(x))):
+    if np.all(np.abs(rates) <= RATE_ROUNDED * (np.abs(J) @ np.abs(x))):
         raise ConvergenceError(ISOLATED, 0.0, 0, _at_rest(problem, u))
 
 
@@ -147,7 +150,7 @@ def why_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> str:
     survey, states = problem.survey(u), problem.system.states
     count = len(states)
     moved = (survey.highs - survey.lows)[:count]
-    if problem.system.phase is None and np.all(moved <= _RESTS * problem.state_scale[:count]):
+    if problem.system.phase is None and np.all(moved <= UNMOVED * problem.state_scale[:count]):
         return _at_rest(problem, u)
     if len(parts := _parts(problem)) > 1:
         named = " and ".join("(" + ", ".join(states[i] for i in part) + ")" for part in parts)
@@ -191,8 +194,8 @@ def _forcing_beside(
         residual = np.append(rows * F + forcing * forced, open_direction @ ((z - orbit) / columns) - _AWAY)
         if not np.all(np.isfinite(residual)):
             return np.inf
-        step = np.linalg.lstsq(matrix, -residual, rcond=_OPEN)[0]
+        step = np.linalg.lstsq(matrix, -residual, rcond=SINGULAR)[0]
         z, forcing = z + columns * step[:-1], forcing + float(step[-1])
-        if np.abs(step).max() < _CONVERGED:
+        if np.abs(step).max() < NEWTON_CONVERGED:
             return max(abs(forcing), float(np.abs(residual).max()))
     return np.inf

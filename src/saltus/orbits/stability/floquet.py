@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus import scales
 from saltus.orbits.coincidences import at_one_instant, chains, commute, orders, shortest_is_brief
 from saltus.orbits.cuts import piece_maps
 from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END
-from saltus.scales import FINEST, ROUGH, Verdict, zero
 from saltus.system.integrals.laws import Leaf
 
 if TYPE_CHECKING:
@@ -36,17 +36,7 @@ __all__ = [
     "with_errors",
 ]
 
-_ERROR = 10.0  # change of the Jacobian's entries, in tolerances of the flow, by which errors are estimated
-_LOST = 100.0  # size of a multiplier, in tolerances of the flow and beside the trivial one, below which it is error
-_RESTING = 1e-9  # way of a state in a period, over its size, below which it rests
-_ROUNDED = 1e-13  # size of a state, over the largest, that may be rounding of 0
-_ON_CIRCLE = 1e-9  # height on the Riemann sphere within which a multiplier is on neither side of the unit circle
-_NEUTRAL = 1e-5  # distance from the unit circle that is rounding in a conservative system
-_TURNED = 1e-3  # relative difference of the flow and its image, up to which it is rounding
-_REAL = 1e-12  # imaginary part, over the modulus, that is rounding
-_CLEARLY = 2.0  # least ratio of the distances of an exchanged pairing to those of a sure one
 _ROUNDS = 60  # most rounds of orthogonal iteration: what has not parted by then has sizes within a factor of two
-_PARTED = 1e-13  # coupling of multipliers below which they count as parted
 
 
 def multipliers(
@@ -137,7 +127,7 @@ def _of_segments(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.fl
         values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
     elif closing == CLOSED_END:
         values = _across(*_without_rounding(P, flow, sizes), period)
-        values[np.abs(values) < _LOST * problem.tol * float(np.abs(P).max())] = 0.0
+        values[np.abs(values) < scales.MULTIPLIER_LOST * problem.tol * float(np.abs(P).max())] = 0.0
     elif n == 3:
         values = np.empty(2, dtype=np.complex128)
         problem.pencils.pair(P, R, 1, values)
@@ -175,7 +165,7 @@ def with_errors(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.flo
     """Return a Jacobian, each entry changed by ten times the flow's tolerance of it, in a fixed pattern of signs."""
     rows, columns = np.indices(J.shape)
     signs = np.where((3 * rows + 5 * columns + rows * columns) % 7 % 2, 1.0, -1.0)
-    return np.asarray(J * (1.0 + _ERROR * max(problem.tol, 1e-14) * signs))
+    return np.asarray(J * (1.0 + scales.MATRIX_ERROR * max(problem.tol, 1e-14) * signs))
 
 
 def undecided(
@@ -185,19 +175,21 @@ def undecided(
 
     At the finest tolerance nothing can be computed more exactly, and the answer is no.
     """
-    if problem.tol <= FINEST:
+    if problem.tol <= scales.FINEST:
         return False
     inner = nontrivial(values, autonomous=problem.system.phase is None)
     errors = multiplier_errors(problem, u, J, values)[: inner.size]
     sizes = np.abs(inner)
-    if not np.all(errors <= ROUGH * np.maximum(sizes, 1.0)):
+    if not np.all(errors <= scales.ROUGH * np.maximum(sizes, 1.0)):
         return True
-    return any(zero(size - 1.0, error) is not Verdict.NO for size, error in zip(sizes, errors, strict=True))
+    return any(
+        scales.zero(size - 1.0, error) is not scales.Verdict.NO for size, error in zip(sizes, errors, strict=True)
+    )
 
 
 def _across(P: NDArray[np.float64], flow: NDArray[np.float64], period: float) -> NDArray[np.complex128]:
     """Return a closed curve's multipliers but the trivial one; at an equilibrium that is the one nearest to 1."""
-    if np.linalg.norm(flow) * period > _RESTING:
+    if np.linalg.norm(flow) * period > scales.UNMOVED:
         return np.linalg.eigvals(_quotient(P, flow)).astype(np.complex128)
     values = np.linalg.eigvals(P).astype(np.complex128)
     return np.delete(values, int(np.argmin(np.abs(values - 1.0))))
@@ -211,7 +203,7 @@ def _without_rounding(
     An orbit in an invariant plane has such states. In units of their own sizes the flow along them is arbitrary, and so
     is what moves them. They are left out if the flow then is the better eigenvector.
     """
-    resting = sizes < _ROUNDED * float(sizes.max())
+    resting = sizes < scales.SIZE_LOST * float(sizes.max())
     if not np.any(resting):
         return P, flow
     bare, apart = np.where(resting, 0.0, flow), P.copy()
@@ -259,8 +251,8 @@ def _of_product(blocks: NDArray[np.float64]) -> NDArray[np.complex128]:
 
     count, n = len(blocks), blocks.shape[1]
     triangles, turn = np.empty((count, n, n)), np.empty((n, n))
-    triangularise(np.ascontiguousarray(blocks), _ROUNDS, _PARTED, triangles, turn)
-    parts = [0, *(s for s in range(1, n) if np.abs(turn[s:, :s]).max() < _PARTED), n]
+    triangularise(np.ascontiguousarray(blocks), _ROUNDS, scales.DECOUPLED, triangles, turn)
+    parts = [0, *(s for s in range(1, n) if np.abs(turn[s:, :s]).max() < scales.DECOUPLED), n]
     values: list[complex] = []
     for low, high in itertools.pairwise(parts):
         # those of sizes too near each other to part are eigenvalues of a product of small matrices, scaled on the way
@@ -302,7 +294,7 @@ def _quotient(P: NDArray[np.float64], flow: NDArray[np.float64]) -> NDArray[np.f
     turn = _reflector(flow)
     turned = turn @ P @ turn
     along, leaving = turned[0, 0], turned[1:, 0]
-    if abs(along - 1.0) > _TURNED:
+    if abs(along - 1.0) > scales.REVERSED:
         return np.asarray(turned[1:, 1:])
     return np.asarray(turned[1:, 1:] - np.outer(leaving, turned[0, 1:]) / along)
 
@@ -351,7 +343,7 @@ def unstable_count(values: NDArray[np.complex128], *, neutral: bool = False) -> 
 
     neutral: whether multipliers may lie on the circle but for rounding, as in a conservative system.
     """
-    most = 1.0 + _NEUTRAL if neutral else 1.0
+    most = 1.0 + scales.NEUTRAL if neutral else 1.0
     return sum(1 for value in values.tolist() if abs(value) > most)
 
 
@@ -359,7 +351,7 @@ def distance_from_circle(values: NDArray[np.complex128]) -> float:
     """Return |mu|^2 - 1 of the complex pair nearest to the unit circle; NaN where there is none."""
     nearest = math.nan
     for value in values.tolist():
-        if value.imag > _REAL * abs(value) and math.isfinite(value.real):
+        if value.imag > scales.PAIRED * abs(value) and math.isfinite(value.real):
             size = abs(value) ** 2 - 1.0
             if not abs(size) >= abs(nearest):
                 nearest = size
@@ -422,7 +414,7 @@ def passage(before: Sequence[complex], values: Sequence[complex]) -> Passage:
             # an exchange matters where each would end on the other's side, and both do not start on one
             if sides[i] * sides[k] < 0 and ends[i] * ends[k] < 0:
                 swapped = max(away[i][chosen[k]], away[k][chosen[i]])
-                sure &= swapped >= _CLEARLY * max(away[i][chosen[i]], away[k][chosen[k]])
+                sure &= swapped >= scales.EXCHANGED * max(away[i][chosen[i]], away[k][chosen[k]])
     pairs = sum(
         any(_complex(at[i]) and at[i] == at[k].conjugate() for at in (before, found))
         for i in across
@@ -433,12 +425,12 @@ def passage(before: Sequence[complex], values: Sequence[complex]) -> Passage:
 
 
 def _complex(value: complex) -> bool:
-    return abs(value.imag) > _REAL * abs(value)
+    return abs(value.imag) > scales.PAIRED * abs(value)
 
 
 def _side(above: float) -> int:
     """Return the sign of a height, 0 on the circle."""
-    return 0 if abs(above) < _ON_CIRCLE else int(math.copysign(1.0, above))
+    return 0 if abs(above) < scales.ON_CIRCLE else int(math.copysign(1.0, above))
 
 
 def _spot(value: complex) -> tuple[float, float, float]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.scales import NEWTON_AT_ROUNDING, SINGULAR_AT_ROUNDING, UPRIGHT
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -16,9 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["HopfPoint", "solve_hopf"]
 
 _ITERATIONS = 25  # Newton steps, at most
-_CONVERGED = 1e-12  # Newton step, over the unknowns' sizes, at which the point is taken
-_OPEN = 1e-12  # singular value, over the largest, along whose direction equilibria are not isolated
-_UPRIGHT = 1e-6  # real part of a centre's eigenvalues, over the imaginary one, that is rounding
 _DIFFERENCE = 1e-6  # step of the differences for Newton's matrix, over the unknowns' sizes
 
 
@@ -83,7 +82,7 @@ def solve_hopf(
         y = y + step
         if not np.all(np.abs(step) < 1e6):
             return None
-        if np.max(np.abs(step)) < _CONVERGED * max(1.0, float(np.abs(y).max())):
+        if np.max(np.abs(step)) < NEWTON_AT_ROUNDING * max(1.0, float(np.abs(y).max())):
             eigenvalues = _linearised(problem, sizes * y, frequency)[1]
             if not abs(eigenvalues[0].imag) > 0.0:
                 return None
@@ -111,11 +110,11 @@ def solve_centre(problem: OrbitProblem, state: NDArray[np.float64], frequency: f
         p = problem.extended[: problem.p.size]
         inner = problem.conserving.within(p, scale, jacobian)
         field, jacobian = problem.conserving.returning(x, p, frequency, field, jacobian)
-        step = np.linalg.lstsq(jacobian * scale / scale[:, None], -field / scale, rcond=_OPEN)[0]
+        step = np.linalg.lstsq(jacobian * scale / scale[:, None], -field / scale, rcond=SINGULAR_AT_ROUNDING)[0]
         x = x + scale * step
-        if np.max(np.abs(step)) < _CONVERGED:
+        if np.max(np.abs(step)) < NEWTON_AT_ROUNDING:
             values = _nearest_first(np.linalg.eigvals(inner).astype(np.complex128), frequency)
-            centre = abs(values[0].imag) > 0.0 and abs(values[0].real) < _UPRIGHT * abs(values[0].imag)
+            centre = abs(values[0].imag) > 0.0 and abs(values[0].real) < UPRIGHT * abs(values[0].imag)
             return HopfPoint(x, 0.0, values) if centre else None
     return None
 

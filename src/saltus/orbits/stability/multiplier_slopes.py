@@ -14,6 +14,7 @@ import numpy as np
 
 from saltus.orbits.stability.critical import closing, scaling
 from saltus.orbits.stability.floquet import multipliers
+from saltus.scales import DOUBLE, SINGULAR_AT_MULTIPLIER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,8 +25,6 @@ __all__ = ["ROUGH", "MultiplierSlopes", "multipliers_by_parameters"]
 
 ROUGH = "a root vanishes on a surface, so that second derivatives are differences: three digits or more"
 _LOST = "a multiplier is a double one, infinite or lost in rounding"
-_PARTED = 1e-6  # share of the null vectors in each other by B below which a multiplier is a double one
-_NULL = 1e-7  # least singular value, over the largest, up to which a multiplier's matrix is singular
 
 
 class MultiplierSlopes(NamedTuple):
@@ -63,7 +62,10 @@ def multipliers_by_parameters(
         p, q = left[:, -1].conjugate(), right[-1].conjugate()
         twist = complex(p @ onward @ q)
         bound = float(np.linalg.norm(p @ onward)) * float(np.linalg.norm(onward @ q))
-        if sizes[-1] > _NULL * sizes[0] or not abs(twist) * float(np.abs(onward).max()) > _PARTED * bound:
+        if (
+            sizes[-1] > SINGULAR_AT_MULTIPLIER * sizes[0]
+            or not abs(twist) * float(np.abs(onward).max()) > DOUBLE * bound
+        ):
             continue
         w, v, still = p * rows, q * columns, np.zeros(count)
         bend = problem.second(u, np.append(v.real, still)) + 0.0j

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 
-from saltus.continuation.core.verdicts import ANGLE, DEVIATION, FOLDS, RESTS, ROUNDED, TAKEN
+from saltus.continuation.core.verdicts import ANGLE, DEVIATION, FOLDS, TAKEN
+from saltus.scales import PARAMETER_RESTS, PARAMETER_ROUNDED
 from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER
 
@@ -55,7 +56,7 @@ def judge(weights, last, new, guess, limits):
     if moved > 15.0 * deviation or moved > 0.5 * length:
         return DEVIATION, moved, angle, length
     chord = (new[0, m] - last[0, m]) / max(length, 1e-300)
-    moves = max(abs(last[1, m]), abs(new[1, m]), abs(chord)) * length > ROUNDED
+    moves = max(abs(last[1, m]), abs(new[1, m]), abs(chord)) * length > PARAMETER_ROUNDED
     if moves and _turns_twice(last[1, m], new[1, m], chord):
         return FOLDS, moved, angle, length
     return TAKEN, moved, angle, length
@@ -64,7 +65,7 @@ def judge(weights, last, new, guess, limits):
 @njit(**INNER)
 def _turns_twice(a, b, chord):
     """Return whether the cubic with end slopes a and b and mean slope chord turns twice within a step."""
-    if a * b <= 0.0 or min(abs(a), abs(b)) < RESTS:
+    if a * b <= 0.0 or min(abs(a), abs(b)) < PARAMETER_RESTS:
         return False
     side = math.copysign(1.0, a)
     a, b, chord = a * side, b * side, chord * side

@@ -10,6 +10,7 @@ import numpy as np
 from saltus.continuation.problems.ends.connection import Homoclinic
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.problem import EquilibriumProblem
+from saltus.scales import NEWTON_AT_ROUNDING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = ["Meeting", "meeting_ahead"]
 
 _ITERATIONS = 20  # Newton steps, at most
-_CONVERGED = 1e-12  # largest Newton step, over the unknowns' sizes, of a meeting
 _AWAY = 0.1  # distance of the equilibrium from the segment's end, in sizes of the states, and of the parameter
 
 
@@ -81,7 +81,7 @@ def _meeting(problem: OrbitProblem, point: Point, segment: int, transition: int)
         except np.linalg.LinAlgError:
             return None
         u = u + step
-        if (error := float(np.max(np.abs(step) / sizes))) < _CONVERGED:
+        if (error := float(np.max(np.abs(step) / sizes))) < NEWTON_AT_ROUNDING:
             away = np.max(np.abs(u - np.append(ends, point.u[-1])) / sizes)
             return (Equilibrium.from_unknowns(rest, u, sizes[:n]), error) if away < _AWAY else None
     return None

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.core.arclength import StepControl
-from saltus.continuation.core.zero_problem import SAME, Point, ZeroProblem, correct
+from saltus.continuation.core.zero_problem import Point, ZeroProblem, correct
 from saltus.orbits.cuts import clustered
 from saltus.orbits.signature import PHASE_END
-from saltus.scales import EPS
+from saltus.scales import EPS, SAME_POINT
 from saltus.system.angles import TURN, wrapped
 
 if TYPE_CHECKING:
@@ -220,4 +220,4 @@ def _meets(
     guess = last.u + share * chord
     guess -= tangent * (float((weights * tangent) @ (guess - goal)) / float(weights @ tangent**2))
     there = correct(branch, guess, tangent, weights, control.iterations)
-    return there if isinstance(there, Point) and float(w @ (there.u - goal) ** 2) < SAME**2 else None
+    return there if isinstance(there, Point) and float(w @ (there.u - goal) ** 2) < SAME_POINT**2 else None

@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.errors import SaltusError
 from saltus.flow.event_logs import events_after
-from saltus.scales import FINEST, ON_SURFACE, ONE_STATE
+from saltus.scales import EXCURSION_SHRINKS, FINEST, ON_SURFACE, ONE_STATE
 from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ __all__ = ["behind", "gone", "moved", "turns_back", "way_back"]
 _MOST = 8  # transitions of an excursion
 _PUSH = 1e-3  # velocity with which the surface is passed, over its variation with the states' sizes
 _LESS = 1 / 16  # the same of a second motion, over that of the first
-_SHRINKS = 0.5  # least share of its time away by which the second motion's is shorter: that of a fourth root
 
 
 def behind(
@@ -66,7 +65,7 @@ def _excursion(
         Its full state there.
     """
     first, second = (_away(problem, u, mode, k, touching, push) for push in (_PUSH, _PUSH * _LESS))
-    if first is None or second is None or first[0] != second[0] or not second[1] <= _SHRINKS * first[1]:
+    if first is None or second is None or first[0] != second[0] or not second[1] <= EXCURSION_SHRINKS * first[1]:
         return None
     x, rows = _reset(problem, k, touching), []
     for source, transition in first[0]:

@@ -27,6 +27,17 @@ from saltus.continuation.problems.ends.unbounded import period_of
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.spectrum import NEUTRAL
 from saltus.orbits.signature import CLOSED_END, CUT_END
+from saltus.scales import (
+    ARC_AGREES,
+    ARC_AGREES_AFAR,
+    ARC_LOCATED,
+    EXTREMES_OF_ARC,
+    LEAVES,
+    PASSES,
+    PASSES_ANOTHER,
+    PASSES_SLOWLY,
+    SADDLE_NODE_POWER,
+)
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
@@ -43,20 +54,11 @@ __all__ = ["NONE_NEAR", "Located", "homoclinic_of", "located"]
 
 NONE_NEAR = "no equilibrium is near the cycle"  # why no homoclinic orbit is located: the period need not be unbounded
 
-_CLOSE = 0.1  # distance from an equilibrium, in sizes of the cycle, up to which a cycle passes near it
-_OTHER = 0.03  # the same for any further equilibrium
-_AWAY = 0.3  # distance, in the same sizes, that a cycle reaches between two passages
-_SLOW = 0.2  # speed, over the cycle's mean speed, below which a local minimum is a slow place
 _FIRST = (4.0, 0.005, 0.2)  # first distance of the arc's ends: factor on the cycle's least one, least, largest
 _NEAREST = 1e-6  # distance of the arc's ends from the saddle at last
 _NEARER = 10.0  # factor by which the distance shrinks at a time
 _PIECES = 8  # pieces into which the first arc is cut, before those that are too sensitive are cut again
-_SURE = 1e-7  # last change of the parameter, over its size, up to which it is located
-_AGREES = 1e-6  # difference of the parameter from the one extrapolated along the branch, over its size
-_SHARE = 0.3  # the same, over the distance from the last cycle
 _LATE = 2.0  # factor on the period over which the branch is extrapolated
-_EXPONENT = 0.05  # most difference of the period's power of the distance from a saddle-node from -1/2
-_ALIKE = 0.2  # difference of extremes of arc and cycle, in sizes of the cycle
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +152,7 @@ def _slow_places(cycle: _Cycle) -> list[NDArray[np.float64]]:
     rates = np.array([cycle.rest.evaluate(np.append(x, cycle.parameter))[0] for x in cycle.states])
     speed = np.linalg.norm(rates / cycle.sizes, axis=1)
     steps = np.linalg.norm(np.diff(np.vstack([cycle.states, cycle.states[:1]]), axis=0) / cycle.sizes, axis=1)
-    slow = speed < _SLOW * steps.sum() / cycle.period
+    slow = speed < PASSES_SLOWLY * steps.sum() / cycle.period
     least = slow & (speed <= np.roll(speed, 1)) & (speed <= np.roll(speed, -1))
     found: list[tuple[float, NDArray[np.float64]]] = []
     for i in np.flatnonzero(least):
@@ -161,7 +163,7 @@ def _slow_places(cycle: _Cycle) -> list[NDArray[np.float64]]:
             continue
         found.append((float(cycle.distances(state).min()), state))
     found.sort(key=lambda item: item[0])
-    return [state for k, (away, state) in enumerate(found) if away < (_OTHER if k else _CLOSE)]
+    return [state for k, (away, state) in enumerate(found) if away < (PASSES_ANOTHER if k else PASSES)]
 
 
 def _passages(distances: NDArray[np.float64]) -> int:
@@ -169,9 +171,9 @@ def _passages(distances: NDArray[np.float64]) -> int:
     first = int(np.argmax(distances))
     near, count = False, 0
     for distance in np.roll(distances, -first).tolist():
-        if near and distance > _AWAY:
+        if near and distance > LEAVES:
             near = False
-        elif not near and distance < _OTHER:
+        elif not near and distance < PASSES_ANOTHER:
             near, count = True, count + 1
     return max(count, 1)
 
@@ -202,7 +204,7 @@ def _arc(cycle: _Cycle, state: NDArray[np.float64]) -> tuple[Arc, float] | str:
         if isinstance(found, str):
             break
         error, arc = abs(found.parameter - arc.parameter), found
-    if not error <= _SURE * max(1.0, abs(arc.parameter)):
+    if not error <= ARC_LOCATED * max(1.0, abs(arc.parameter)):
         return "its parameter does not converge"
     return arc, error
 
@@ -244,7 +246,7 @@ def _looks_like(cycle: _Cycle, arc: Arc) -> bool:
     lows, highs = cycle.states.min(axis=0), cycle.states.max(axis=0)
     apart = np.maximum(np.abs(survey.lows[:n] - lows), np.abs(survey.highs[:n] - highs))
     apart[cycle.rest.circles] = 0.0  # the pieces of an arc may lie whole turns apart
-    return bool(np.max(apart / cycle.sizes) < _ALIKE)
+    return bool(np.max(apart / cycle.sizes) < EXTREMES_OF_ARC)
 
 
 def _agrees(points: list[Row], arc: Arc) -> bool:
@@ -262,7 +264,7 @@ def _agrees(points: list[Row], arc: Arc) -> bool:
     basis = np.column_stack([np.ones_like(periods), *(decay * wave for wave in waves)])
     weights = 1.0 / (decay * decay)  # further terms of the expansion are of that size
     limit = float(np.linalg.lstsq(basis * weights[:, None], values * weights, rcond=None)[0][0])
-    allowed = _AGREES * max(1.0, abs(arc.parameter)) + _SHARE * abs(arc.parameter - float(values[-1]))
+    allowed = ARC_AGREES * max(1.0, abs(arc.parameter)) + ARC_AGREES_AFAR * abs(arc.parameter - float(values[-1]))
     return abs(limit - arc.parameter) <= allowed
 
 
@@ -274,7 +276,7 @@ def _saddle_node(points: list[Row], cycle: _Cycle, low: float, high: float) -> L
     rates = np.array([cycle.rest.evaluate(np.append(x, cycle.parameter))[0] for x in cycle.states])
     slowest = cycle.states[int(np.argmin(np.linalg.norm(rates / cycle.sizes, axis=1)))]
     fold = saddle_node_near(cycle.rest, slowest, cycle.parameter, cycle.sizes)
-    if fold is None or not float(cycle.distances(fold[:-1]).min()) < _CLOSE or not low <= fold[-1] <= high:
+    if fold is None or not float(cycle.distances(fold[:-1]).min()) < PASSES or not low <= fold[-1] <= high:
         return NONE_NEAR
     periods = np.array([period_of(piece, point) for piece, point in points])
     away = np.abs(np.array([point.parameter for _, point in points]) - fold[-1])
@@ -282,7 +284,7 @@ def _saddle_node(points: list[Row], cycle: _Cycle, low: float, high: float) -> L
     if np.count_nonzero(late) < 3 or not np.all(np.diff(away[late]) < 0.0) or not away[-1] > 0.0:
         return "the branch does not tend to the saddle-node near the cycle"
     slope = float(np.polyfit(np.log(away[late]), np.log(periods[late]), 1)[0])
-    if abs(slope + 0.5) > _EXPONENT:
+    if abs(slope + 0.5) > SADDLE_NODE_POWER:
         return f"its period grows like the power {slope:.2g} of the distance from a saddle-node, not -0.5"
     end = homoclinic_of(cycle.rest, fold[:-1], float(fold[-1]), cycle.sizes)
     return Located("SNIC", end, float(away[-1]))

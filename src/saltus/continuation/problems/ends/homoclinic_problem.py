@@ -21,6 +21,7 @@ from saltus.equilibria.spectrum import NEUTRAL
 from saltus.orbits.cuts import cut
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, CUT_END, Signature
+from saltus.scales import ALGEBRAIC_RESIDUAL, NEWTON_AT_ROUNDING, SKEW, STALLED_AT_ROUNDING, STEP_AT_ROUNDING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,11 +29,6 @@ if TYPE_CHECKING:
 __all__ = ["Arc", "Saddle", "at_rest", "extended", "saddle_near", "saddle_node_near", "solved", "tangent_spaces"]
 
 _ITERATIONS = 25  # most Newton steps to an equilibrium or to an arc
-_CONVERGED = 1e-12  # Newton step, over the unknowns' sizes, of a converged solution
-_STALLED = 1e-9  # the same where the steps shrink no further
-_ROUGHEST = 1e-6  # the same where they shrink no further because the residual is rounding alone
-_ROUNDED = 64.0 * float(np.finfo(float).eps)  # such a residual, over the equations' sizes
-_SKEW = 1e7  # condition of the eigenvectors from which on they do not span the tangent spaces accurately
 _HALVINGS = 60  # bisections of the time in which the distance to a saddle shrinks to a given one
 
 
@@ -113,7 +109,7 @@ def tangent_spaces(A: NDArray[np.float64], state: NDArray[np.float64], sizes: ND
         sides += [value.real < 0.0] * len(parts)
         powers[int(value.real < 0.0)].append((complex(value), value.imag > 0.0))
     V, stable = np.array(columns).T, np.array(sides)
-    if not np.linalg.cond(V) < _SKEW:
+    if not np.linalg.cond(V) < SKEW:
         return "eigenvalues of its equilibrium are too near each other"
     W = np.linalg.inv(V)
     ways = (V * sizes[:, None])[:, ~stable], (V * sizes[:, None])[:, stable]
@@ -143,9 +139,9 @@ def saddle_near(
         if not size < 1e3:
             return None
         u[: rest.n] += step * min(1.0, 0.5 / max(size, 1e-300))
-        if size < _CONVERGED:
+        if size < NEWTON_AT_ROUNDING:
             return u[: rest.n].copy()
-    return u[: rest.n].copy() if size < _STALLED else None
+    return u[: rest.n].copy() if size < STALLED_AT_ROUNDING else None
 
 
 def saddle_node_near(
@@ -178,7 +174,7 @@ def saddle_node_near(
         if not size < 1e3:
             return None
         u = u + step * scale * min(1.0, 0.5 / max(size, 1e-300))
-        if size < _STALLED:
+        if size < STALLED_AT_ROUNDING:
             return np.asarray(u[: n + 1])
     return None
 
@@ -268,10 +264,10 @@ def solved(
         if not size < 10.0:
             return "Newton's method does not converge"
         # next to the saddle rounding of the states moves the whole arc in time, by their rounding over the radius
-        rounded = np.max(np.abs(G) / rows) <= _ROUNDED * max(1.0, float(np.max(np.abs(u / scale))))
+        rounded = np.max(np.abs(G) / rows) <= ALGEBRAIC_RESIDUAL * max(1.0, float(np.max(np.abs(u / scale))))
         u = u + step * scale
-        stalled = size > 0.3 * previous and size < (_ROUGHEST if rounded else _STALLED)
-        if fine and (size < _CONVERGED or stalled):
+        stalled = size > 0.3 * previous and size < (STEP_AT_ROUNDING if rounded else STALLED_AT_ROUNDING)
+        if fine and (size < NEWTON_AT_ROUNDING or stalled):
             shifted = Saddle(u[m + 1 :], saddle.values, saddle.ways, saddle.coordinates, saddle.powers)
             return Arc(problem, u[: m + 1], shifted, radius, sizes, *ends)
         previous = size

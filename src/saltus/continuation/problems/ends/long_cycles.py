@@ -17,6 +17,7 @@ from saltus.continuation.problems.guards import residual_fault
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.orbits.stability.floquet import multipliers, nontrivial, unstable_count
+from saltus.scales import LONG_CYCLE_AGREES, MAGNIFIED_CURVATURE, NEWTON_CONVERGED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,10 +30,7 @@ __all__ = ["MOST_UNKNOWNS", "long_cycles"]
 
 MOST_UNKNOWNS = 6000  # unknowns of a long cycle, beyond which its Jacobian, stored densely, takes too much memory
 _GROWTH = (10.0, 1e5)  # least and largest growth of a difference over a piece at the saddle
-_LEFT = 1e-9  # curvature of the tangent spaces that a piece at the saddle may magnify, over the cycle's size
 _ITERATIONS = 8  # most Newton steps to a cycle
-_CONVERGED = 1e-9  # Newton step, over the unknowns' sizes, of a converged cycle
-_AGREES = 1e-8  # difference of the parameter of a cycle from that of its arc, over its size
 
 
 def long_cycles(
@@ -99,7 +97,7 @@ def _cycle(arc: Arc, period: float) -> tuple[OrbitProblem, NDArray[np.float64], 
     closed = _closed(problem, u, arc.sizes)
     if closed is None:
         return "Newton's method does not converge"
-    if abs(closed[-1] - near.parameter) > _AGREES * max(1.0, abs(near.parameter)):
+    if abs(closed[-1] - near.parameter) > LONG_CYCLE_AGREES * max(1.0, abs(near.parameter)):
         return "the parameters of the cycle and of its arc differ"
     return problem, closed, flows
 
@@ -129,7 +127,7 @@ def _at_saddle(arc: Arc, stay: float) -> tuple[NDArray[np.float64], NDArray[np.f
             saddle.ways[0] @ (saddle.rates(0) @ (near[0] * out)) + saddle.ways[1] @ (saddle.rates(1) @ (near[1] * into))
         )
         distance = float(np.max(np.abs(away) / arc.sizes))
-        growth = min(max(_LEFT / max(distance * distance, 1e-300), _GROWTH[0]), _GROWTH[1])
+        growth = min(max(MAGNIFIED_CURVATURE / max(distance * distance, 1e-300), _GROWTH[0]), _GROWTH[1])
         duration = min(math.log(growth) / saddle.fastest, stay - time)
         if stay - time - duration < 1e-9 * stay:
             duration = stay - time
@@ -160,7 +158,7 @@ def _closed(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.flo
         except RuntimeError:  # singular
             return None
         u = u + step * scale
-        if fine and float(np.abs(step).max()) < _CONVERGED:
+        if fine and float(np.abs(step).max()) < NEWTON_CONVERGED:
             return u
     return None
 

@@ -15,14 +15,13 @@ from saltus.orbits.cuts import in_shares
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import CLOSED_END, PHASE_END
-from saltus.scales import HALVES_PERHAPS
+from saltus.scales import DOUBLING_AT_HALVING, HALVES_PERHAPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["halved"]
 
-_NEAR = 1e-4  # distance, over the parameter's interval, between a branch point and the same period doubling
 _REACHES = (1e-3, 1e-2)  # arclengths, to both sides on the shorter orbit's branch, searched for the doubling
 
 
@@ -53,7 +52,7 @@ def halved(branch: OrbitZeroProblem, point: Point) -> Point | None:
     problem.start(u)
     single = OrbitZeroProblem(problem, u, branch.interest)
     doubling = _doubling(single, u)
-    if doubling is None or abs(doubling.point.parameter - point.parameter) > _NEAR:
+    if doubling is None or abs(doubling.point.parameter - point.parameter) > DOUBLING_AT_HALVING:
         return None
     u = _twice(problem, doubling.point.u)
     if old.segments > len(signature) == 1 and signature.kinds[0] in (PHASE_END, CLOSED_END):

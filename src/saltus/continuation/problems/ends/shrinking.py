@@ -16,6 +16,7 @@ from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, Signature
 from saltus.orbits.stability.hopf import HopfPoint, solve_centre, solve_hopf
+from saltus.scales import HOPF_AGREES, HOPF_AGREES_AFAR, MULTIPLIER_CRITICAL, ONE_VALUE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,10 +25,6 @@ __all__ = ["at_rest", "centre_ahead", "equilibrium_ahead"]
 
 _WITHIN = 5.0  # steps, of the last one's length, to the extrapolated zero of the amplitude, within which it is sought
 _AFAR = 100.0  # the same for a small cycle round 0: its size is the unit of its steps, and these shrink with it
-_AGREES = 0.1  # most difference of Hopf point and extrapolation, over the distance from the last cycle
-_AGREES_AFAR = 0.01  # the same farther than the nearer number of steps
-_NEUTRAL = 1e-6  # distance of a multiplier from the unit circle up to which it is on neither side
-_ROUNDING = 1e-9  # relative difference of the parameter that is rounding
 
 
 def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> tuple[OrbitZeroProblem, Point] | None:
@@ -51,9 +48,9 @@ def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> 
     found = solve_hopf(problem, seen.centre, value, seen.frequency)
     if found is None or not seen.agrees(problem, found) or not _keeps_stability(point, found.multipliers):
         return None
-    if abs(found.parameter - value) > seen.share * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value)):
+    if abs(found.parameter - value) > seen.share * abs(value - point.parameter) + ONE_VALUE * max(1.0, abs(value)):
         return None
-    low, high = branch.interest.low - _ROUNDING, branch.interest.high + _ROUNDING
+    low, high = branch.interest.low - ONE_VALUE, branch.interest.high + ONE_VALUE
     if not low <= found.parameter <= high:
         return None
     return _at_rest(branch, point, found)
@@ -80,7 +77,8 @@ def _keeps_stability(point: Point, values: NDArray[np.complex128]) -> bool:
         return True
     rows, columns = linear_sum_assignment(np.abs(own[:, None] - others[None, :]))
     sides = [
-        np.sign(np.abs(kind) - 1.0) * (np.abs(np.abs(kind) - 1.0) > _NEUTRAL) for kind in (own[rows], others[columns])
+        np.sign(np.abs(kind) - 1.0) * (np.abs(np.abs(kind) - 1.0) > MULTIPLIER_CRITICAL)
+        for kind in (own[rows], others[columns])
     ]
     return bool(np.all(sides[0] * sides[1] >= 0.0))
 
@@ -114,7 +112,7 @@ def _extrapolated(problem: OrbitProblem, before: Point, point: Point) -> _Extrap
     far, near = _amplitude(problem, before), _amplitude(problem, point)
     if not 0.0 < near < _AFAR * (far - near):
         return None
-    share = _AGREES if near < _WITHIN * (far - near) else _AGREES_AFAR
+    share = HOPF_AGREES if near < _WITHIN * (far - near) else HOPF_AGREES_AFAR
     ahead = near * near / (far * far - near * near)
     last, other = _period(problem, point), _period(problem, before)
     survey, n = point.examined.data.survey, problem.n

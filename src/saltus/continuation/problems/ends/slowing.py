@@ -14,6 +14,7 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Point
 from saltus.orbits.signature import EVENT_END
+from saltus.scales import NEWTON_CONVERGED, ONE_VALUE
 
 if TYPE_CHECKING:
     from saltus.continuation.problems.orbit import OrbitZeroProblem
@@ -21,10 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["grazing_ahead"]
 
 _ITERATIONS = 12  # Newton steps, at most
-_CONVERGED = 1e-9  # largest Newton step, over the unknowns' sizes, of a located grazing
 _SLOWED = 0.1  # speed of an event, over the largest on the branch, below which its zero is sought
 _WITHIN = 3.0  # distance of the grazing, over that at which the speed's square vanishes by its last two values
-_ROUNDING = 1e-9  # parameter, in its unit, within which a grazing may lie on either side of the last point
 
 
 def grazing_ahead(points: list[tuple[OrbitZeroProblem, Point]]) -> Event | None:
@@ -50,7 +49,7 @@ def grazing_ahead(points: list[tuple[OrbitZeroProblem, Point]]) -> Event | None:
             continue
         found = _located(branch, before, last, i, float(near[i] / (far[i] - near[i])))
         ahead = (last.parameter - before.parameter) * float(near[i] ** 2 / (far[i] ** 2 - near[i] ** 2))
-        if found is not None and abs(found.parameter - last.parameter) <= _WITHIN * abs(ahead) + _ROUNDING:
+        if found is not None and abs(found.parameter - last.parameter) <= _WITHIN * abs(ahead) + ONE_VALUE:
             return Event(Monitor("rate", i), found, 0.0)
     return None
 
@@ -69,7 +68,7 @@ def _located(branch: OrbitZeroProblem, before: Point, last: Point, segment: int,
         except np.linalg.LinAlgError:
             return None
         u = u + step
-        if np.max(np.abs(step) / branch.scale()) < _CONVERGED and branch.accurate():
+        if np.max(np.abs(step) / branch.scale()) < NEWTON_CONVERGED and branch.accurate():
             point = replace(last, u=u, J=branch.evaluate(u)[1])
             found = branch.examine(point, None)
             return None if found.data is None else replace(point, examined=found)

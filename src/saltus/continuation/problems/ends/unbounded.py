@@ -11,6 +11,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits.signature import CUT_END
+from saltus.scales import (
+    BESIDE_TWO_FOLD,
+    EXTREMES_ALIKE,
+    LEVELS_OFF,
+    PARAMETER_STILL,
+    PERIOD_GROWN,
+    PERIOD_LONGER,
+    RANGE_FAINT,
+    RANGE_SWOLLEN,
+    RESTS_IN_PIECES,
+    RESTS_WHILE_LONGER,
+    VANISHED_ON_BRANCH,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,22 +48,11 @@ __all__ = [
     "vanishes_at_last",
 ]
 
-_FOLDED = 0.05  # rate of a surface where a motion leaves it, over the largest on the branch, next to a two-fold
-_GROWN = 1.2  # least ratio of an unbounded period to its least value on the branch
-_RESTS = 1e-3  # change of the parameter, over its interval and the period's relative growth, up to which it rests
 _DECADES = 2.0 * math.log(10.0)  # logarithm of the ratio of slopes over which the growth of the period is judged
-_LEVEL = 0.25  # logarithm of the ratio of two growths, over that of slopes, below which the period levels off
 _FEWEST = 4  # steps over which it can be
-_SWOLLEN = 1e4  # least ratio of a state's unbounded range to its least on the branch
-_FAINT = 1e-6  # modulus of a state, over the largest of all states, up to which it may be a branch's birth or rounding
 _ENDLESS = 5e6  # ratio of a state's range to that of the first point at which a branch is ended
-_VANISHED = 1e-4  # ranges of states and period, over the largest on the branch, up to which an orbit vanishes
 LONGEST = 1e3  # ratio of the period to that of the first point at which a branch is ended
 _LATE = 1.5  # ratio by which the period of an orbit in pieces must grow while the parameter rests
-_LONGER = 1.03  # ratio by which the period must grow while all else stands still
-_STILL = 1e-12  # change of the parameter, over its interval, that is rounding
-_ALIKE = 1e-6  # relative change of the ranges of states up to which they stand still
-_RESTING = 3e-6  # change of the parameter, over its range on the branch, up to which it rests during that growth
 
 
 def grows_at_last(points: list[Row]) -> str | None:
@@ -64,8 +66,8 @@ def grows_at_last(points: list[Row]) -> str | None:
     before, last = periods[-2:]
     values = [point.parameter for _, point in points]
     moved = abs(values[-1] - values[-2])
-    growing = periods[-4] < periods[-3] < before < last and last > _GROWN * min(periods)
-    rests = growing and moved < _RESTS * (last / before - 1.0)
+    growing = periods[-4] < periods[-3] < before < last and last > PERIOD_GROWN * min(periods)
+    rests = growing and moved < RESTS_WHILE_LONGER * (last / before - 1.0)
     return told(last) if rests and not levels_off(np.array(values), np.array(periods)) else None
 
 
@@ -96,7 +98,7 @@ def levels_off(values: NDArray[np.float64], periods: NDArray[np.float64]) -> boo
     if steep.size < _FEWEST or (span := min(float(steep[-1] - steep[0]), _DECADES)) < 0.5 * _DECADES:
         return False
     early, middle = np.interp([steep[-1] - span, steep[-1] - 0.5 * span], steep, heights)
-    return bool((heights[-1] - middle) < math.exp(-_LEVEL * span) * (middle - early))
+    return bool((heights[-1] - middle) < math.exp(-LEVELS_OFF * span) * (middle - early))
 
 
 def swells_at_last(points: list[Row]) -> str | None:
@@ -108,16 +110,16 @@ def swells_at_last(points: list[Row]) -> str | None:
     if len(points) < 4:
         return None
     values = [point.parameter for _, point in points[-4:]]
-    if max(values) - min(values) > _RESTS * _RESTS:
+    if max(values) - min(values) > RESTS_WHILE_LONGER * RESTS_WHILE_LONGER:
         return None
     lows, highs = _extents(points)
     ranges, reaches, size = highs - lows, _reaches(lows, highs), _size(lows, highs)
     names = points[-1][0].problem.system.states
     for sizes, least, verb in (
-        (ranges, np.maximum(ranges.min(axis=0), _FAINT * size.max()), "ranges over"),
+        (ranges, np.maximum(ranges.min(axis=0), RANGE_FAINT * size.max()), "ranges over"),
         (reaches, size, "moves by"),
     ):
-        swollen = np.all(np.diff(sizes[-4:], axis=0) > 0.0, axis=0) & (sizes[-1] > _SWOLLEN * least)
+        swollen = np.all(np.diff(sizes[-4:], axis=0) > 0.0, axis=0) & (sizes[-1] > RANGE_SWOLLEN * least)
         if np.any(swollen):
             largest = int(np.argmax(np.where(swollen, sizes[-1] / least, 0.0)))
             return f"the orbit grows without bound ({names[largest]} {verb} {sizes[-1][largest]:.3g})"
@@ -134,7 +136,7 @@ def swells_for_ever(points: list[Row]) -> str | None:
 
     count = len(points[-1][0].problem.system.states)
     before, now = ((s.lows, s.highs) for s in (row[1].examined.data.survey for row in (points[0], points[-1])))
-    return swells_at_last(points) if kernels.swollen(before, now, count, _ENDLESS, _FAINT) else None
+    return swells_at_last(points) if kernels.swollen(before, now, count, _ENDLESS, RANGE_FAINT) else None
 
 
 def _extents(points: list[Row]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -152,7 +154,7 @@ def _reaches(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[n
 def _size(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest moduli of states on the first orbit; a state that is 0 there counts as a small one."""
     sizes = np.maximum(np.abs(lows[0]), np.abs(highs[0]))
-    return np.asarray(np.maximum(sizes, _FAINT * float(sizes.max()) or 1e-300))
+    return np.asarray(np.maximum(sizes, RANGE_FAINT * float(sizes.max()) or 1e-300))
 
 
 def vanishes_at_last(points: list[Row]) -> str | None:
@@ -167,7 +169,7 @@ def vanishes_at_last(points: list[Row]) -> str | None:
     sizes = np.array([survey.highs[:n] - survey.lows[:n] for survey in surveys])
     sizes = np.column_stack([sizes, [period_of(*row) for row in points]])
     falling = np.all(np.diff(sizes[-4:], axis=0) <= 0.0)
-    if not (falling and np.all(sizes[-1] <= _VANISHED * sizes.max(axis=0))):
+    if not (falling and np.all(sizes[-1] <= VANISHED_ON_BRANCH * sizes.max(axis=0))):
         return None
     return f"the cycle shrinks to nothing (T = {sizes[-1, -1]:.3g})"
 
@@ -187,7 +189,9 @@ def grows_for_ever(points: list[Row]) -> str | None:
         return None
     values = [point.parameter for _, point in points]
     late = [point.parameter for piece, point in points if period_of(piece, point) * _LATE > period]
-    if len(late) == len(points) or max(late) - min(late) > (_RESTS if long else _RESTING) * (max(values) - min(values)):
+    if len(late) == len(points) or max(late) - min(late) > (RESTS_WHILE_LONGER if long else RESTS_IN_PIECES) * (
+        max(values) - min(values)
+    ):
         return None
     return told(period)
 
@@ -198,15 +202,15 @@ def _only_the_period_grows(points: list[Row]) -> bool:
     Steps along such a branch follow rounding: they may turn round, and trace it back.
     """
     branch, last = points[-1]
-    if len(points) < 2 or abs(points[-2][1].parameter - last.parameter) > _STILL:
+    if len(points) < 2 or abs(points[-2][1].parameter - last.parameter) > PARAMETER_STILL:
         return False
     period, ranges = period_of(branch, last), _ranges(branch, last)
     for piece, point in reversed(points[:-1]):
-        if abs(point.parameter - last.parameter) > _STILL:
+        if abs(point.parameter - last.parameter) > PARAMETER_STILL:
             return False
-        if np.any(np.abs(_ranges(piece, point) - ranges) > _ALIKE * ranges):
+        if np.any(np.abs(_ranges(piece, point) - ranges) > EXTREMES_ALIKE * ranges):
             return False
-        if period_of(piece, point) * _LONGER < period:
+        if period_of(piece, point) * PERIOD_LONGER < period:
             return True
     return False
 
@@ -229,7 +233,7 @@ def meets_two_fold(points: list[tuple[OrbitZeroProblem, Point]]) -> str:
     for i, mode in enumerate(problem.signature.modes):
         name = system.mode_names[mode]
         slides = system.modes[name].surface is not None and system.transitions[problem.signature.transitions[i]].when
-        if slides and last.examined.data.survey.rates[i, 3] < _FOLDED * max(float(rates[i]) for rates in own):
+        if slides and last.examined.data.survey.rates[i, 3] < BESIDE_TWO_FOLD * max(float(rates[i]) for rates in own):
             return f"segment {i} in mode {name!r} ends next to a two-fold, from which motions go on in several ways"
     return ""
 

@@ -12,13 +12,10 @@ import numpy as np
 from saltus.continuation.core.kernels.control import growth, judge, predict
 from saltus.continuation.core.verdicts import TAKEN
 from saltus.equilibria.kernels.field import field_at
+from saltus.scales import NEWTON_ACCEPTED, NEWTON_DIVERGED, RESIDUAL_KEPT
 from saltus.system.numba_tools.linear import bordered
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import ARRAYS
-
-ACCEPTED = 2e-9  # largest relative Newton step of a converged point
-RESIDUAL = 1e-8  # most residual of a point, over the sizes of the field's terms
-HUGE = 1e6  # relative Newton step from which on there is no solution
 
 
 @njit(cache=True, error_model="numpy")
@@ -63,7 +60,7 @@ def stretch(system, start, before, gap, step, limits, bounds, sizes, origin, fou
         turned = last[1, n] * new[1, n] <= 0.0 or (sign != 0.0 and told[0] * sign < 0.0)
         outside = not bounds[0] + 1e-12 < new[0, n] < bounds[1] - 1e-12
         residual = _residual(F, J, sizes, new)
-        if fault != TAKEN or turned or outside or not residual <= RESIDUAL:
+        if fault != TAKEN or turned or outside or not residual <= RESIDUAL_KEPT:
             return taken, h
         sign = told[0]
         points[taken] = new
@@ -98,13 +95,13 @@ def _newton(system, guess, last, weights, unit, most, u, F, J, new):
             for j in range(u.size):
                 J[i, j] /= rows[i]
         steps, sign, log, size, _ = bordered(J, F, row, u, guess, unit)
-        if sign == 0.0 or not math.isfinite(log) or not size < HUGE:
+        if sign == 0.0 or not math.isfinite(log) or not size < NEWTON_DIVERGED:
             return 0, (0.0, 0.0)
         total = 0.0
         for j in range(u.size):
             u[j] += steps[j, 0]
             total += weights[j] * steps[j, 1] ** 2
-        if size < ACCEPTED:
+        if size < NEWTON_ACCEPTED:
             total = math.sqrt(total)
             for j in range(u.size):
                 new[0, j], new[1, j] = u[j], steps[j, 1] / total

@@ -1,0 +1,41 @@
+"""Errors of flows and quadratures, and the tolerances that are asked of them."""
+
+# Relative tolerance to which an orbit is computed where a looser one cannot tell: the default, at which nothing
+# is asked again. Steps of order 8 leave rounding a tenth of it.
+FINEST = 1e-12
+
+# Error that an orbit's flow leaves in a unit of growth, in its tolerance: so many steps of one tolerance each add up.
+STEPS_TOGETHER = 10.0
+
+# Error of a flow's sensitivities, which vary faster, over that of its states: meshes are made for that ratio.
+SENSITIVITIES = 10.0
+
+# Error of a step, in tolerances, from which on a mesh tells nothing of where Newton's method is to go: it passes over
+# what the state's own error does not show, as a small state that grows by many orders.
+UNFIT = 1e4
+
+# Change of an argument, in the scale of its function, over a step: 16 places of Gauss and Legendre give the integral of
+# the exponential over this width with the rounding of doubles.
+RESOLVED = 8.0
+
+# Largest over least distance from a pole within a step: such places give the integral of the reciprocal to 1e-10.
+RESOLVED_RATIO = 8.0
+
+# Error of a quadrature over that which the tolerance leaves in what is integrated: it adds nothing to that one.
+FINER = 0.1
+
+# Share of an integral that lies in steps as short as rounding allows, above which it has no value: halving them goes
+# on to change it. A logarithm's pole leaves 1e-13, that of an inverse root 1e-7.
+DIVERGED = 1e-3
+
+# Least absolute tolerance of a state, over the relative one and the size of the smallest state: closer to 0 the control
+# of steps would ask for digits that a sum of terms of that size has not.
+ABOVE_ROUNDING = 0.01
+
+# Least relative tolerance of the flow for coefficients of normal forms, unless one vanishes: third differences over
+# arcs of some 1e-3 keep few digits, and a finer flow gives no more.
+ROUGHEST = 1e-8
+
+# Curvature of the tangent spaces, over a cycle's size, that a piece at the saddle may magnify: what is left is as small
+# as the Newton step of a converged cycle.
+MAGNIFIED_CURVATURE = 1e-9
