@@ -140,6 +140,7 @@ def growth_along(
     exponents: int | None = None,
     tolerance: tuple[float, float] = (1e-10, 1e-12),
     interrupted: Sequence[float] = (),
+    limit: float | None = None,
 ) -> Growth:
     """Return the growth of perturbations along a motion, from which its Lyapunov exponents follow.
 
@@ -160,6 +161,8 @@ def growth_along(
         most 1e-4.
     interrupted : sequence of float, optional
         Has an entry as soon as the motion shall end: what `saltus.work.interrupt_noted` gives.
+    limit : float, optional
+        Size beyond which a state that grows has diverged, as in `simulate`.
 
     Returns
     -------
@@ -190,7 +193,7 @@ def growth_along(
     periods, length = average.periods, math.inf if average.t_end is None else average.t_end
     n, most = len(system.states), np.iinfo(np.int64).max
     columns = n if exponents is None else checks.count("exponents", exponents, 1, n, "the number of states")
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, steps_kept=_STEPS_KEPT)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, steps_kept=_STEPS_KEPT, limit=limit)
     if periods is None:
         first_time = 0.5 * length if average.discard is None else average.discard
         row_times = first_time + np.linspace(0.0, length, ROWS + 1)
