@@ -18,6 +18,7 @@ import systems
 from oracles.closed_forms import DELAYED, HENON, LOGISTIC, ImpactOrbit, TableJump
 from oracles.tapping import Tapping
 from saltus import HybridSystem, Mode, Progress, Section, Transition, find_orbit, run_sweep
+from saltus.errors import InputError
 from saltus.options import Criteria, SweepOptions
 from saltus.results import Sweep
 from saltus.sweeps import record
@@ -235,6 +236,39 @@ def test_an_unstable_orbit_on_which_the_motion_rests_is_left(logistic):
 
 
 # no motion
+
+
+@pytest.mark.parametrize("lanes", [False, True])
+@pytest.mark.parametrize("tangled", [False, True])
+def test_a_motion_diverges_where_it_passes_the_limit(lanes, tangled):
+    # x = A/sqrt(2) cos(s - pi/4) at rest: 70.7 at A = 100, 0.707 at A = 1
+    rate = "-x + A*cos(s)" + (" + 0*abs(x)**1.5" if tangled else "")
+    driven = HybridSystem(("x",), {"A": 1.0}, {"free": Mode({"x": rate})}, phase=("s", "1"))
+    options = {"follow": "restart", "discard": 20, "keep": 5, "lanes": lanes}
+    free = run_sweep(driven, "A", [1.0, 100.0], options=SweepOptions(**options))
+    assert free.labels.tolist() == [["period-1", "period-1"]]
+    bounded = run_sweep(driven, "A", [1.0, 100.0], options=SweepOptions(limit=10.0, **options))
+    assert bounded.labels.tolist() == [["period-1", "diverged"]]
+    assert bounded.reasons[0, 1].startswith("the trajectory diverges at t = ")
+    assert "a state passes 10" in bounded.reasons[0, 1]
+    np.testing.assert_allclose(bounded.points[0, 0], free.points[0, 0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("limit", [None, 1e14])
+def test_what_is_large_is_no_divergence(limit):
+    crowd = HybridSystem(("n",), {"K": 3e13}, {"free": Mode({"n": "n*(1 - n/K) - 0*n*cos(s)"})}, phase=("s", "1"))
+    options = SweepOptions(discard=20, keep=5, limit=limit)
+    sweep = run_sweep(crowd, "K", [3e13], x0=[1e10], options=options)
+    assert sweep.labels.tolist() == [["period-1"]]
+    np.testing.assert_allclose(sweep.points[0, 0], 3e13, rtol=1e-6)
+
+
+def test_a_limit_is_above_zero_and_no_matter_of_maps():
+    with pytest.raises(InputError, match=r"SweepOptions.limit = 0: must be"):
+        SweepOptions(limit=0)
+    logistic = saltus.Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
+    with pytest.raises(InputError, match=r"SweepOptions.limit = 5.0: must be left out for a map"):
+        run_sweep(logistic, "r", [3.2], x0=[0.3], options=SweepOptions(limit=5.0))
 
 
 def test_a_value_that_diverges_is_a_row_and_the_others_go_on(escape):

@@ -80,6 +80,8 @@ class ManyReturns:
         Longest time between two returns, in mean ones, beyond which lanes leave a motion to others.
     exponents : int, optional
         Perturbations whose growth is measured.
+    limit : float, optional
+        Size of a state beyond which lanes leave a motion to others, which tell whether it has diverged.
     """
 
     system: HybridSystem
@@ -88,6 +90,7 @@ class ManyReturns:
     interval: float | None = None
     absence: float = math.inf
     exponents: int = 1
+    limit: float | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """Return the fields: compiled steps are found anew where the motions are followed."""
@@ -265,7 +268,7 @@ class ManyReturns:
     def _shared(self, lanes: CompiledLanes) -> NDArray[np.float64]:
         """Numbers that all lanes share."""
         rtol, atol = self.tolerance
-        values = {"limit": _BOUND, "floor": atol / rtol}
+        values = {"limit": _BOUND if self.limit is None else min(_BOUND, self.limit), "floor": atol / rtol}
         values |= {f"least{k}": _LEAST_TERM for k in range(_ORDER - 2, _ORDER + 1)}
         values |= {f"escale{k}": 1.0 for k in range(len(self.system.transitions))}
         return np.array([values[name] for name in lanes.quantities])

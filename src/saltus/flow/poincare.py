@@ -57,6 +57,7 @@ def iterate(
     keep: int,
     section: EventSection | None = None,
     tolerance: tuple[float, float] = (1e-10, 1e-12),
+    limit: float | None = None,
 ) -> PoincareReturns:
     """Return the returns of a motion to a section after the first `discard` of them.
 
@@ -70,6 +71,8 @@ def iterate(
         The transitions at which the motion returns; by default it does at phase 0.
     tolerance : (float, float), optional
         Relative and absolute tolerance of a step.
+    limit : float, optional
+        Size beyond which a state that grows has diverged, as in `simulate`.
 
     Raises
     ------
@@ -92,7 +95,7 @@ def iterate(
     if section is None and system.phase is None:
         raise InputError("section", section, "a transition for a system without a phase")
     transitions, longest = (None, math.inf) if section is None else (section.transitions, section.longest)
-    series = system.series(ORDER)
+    series = system.series(ORDER) if limit is None else None  # steps by series have the bound of the problem
     if series is not None:
         motion = TaylorRun(system, series, p, start_state(system, x), mode, transitions, *tolerance)
         with suppress(StiffnessError):  # a stiff motion is followed by implicit steps below
@@ -100,7 +103,7 @@ def iterate(
             x_end = frozen(motion.x[:-1])
             return PoincareReturns(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
     most = STEPS_A_RETURN * max(discard + keep, 1)
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, most_steps=most)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, most_steps=most, limit=limit)
     log = _to_phase_zero(run, discard, keep) if section is None else _to_events(run, section, discard, keep)
     times, which, ends, _ = log
     states = ends[:, 1] if section is None else ends[:, 0]

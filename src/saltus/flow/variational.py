@@ -162,7 +162,7 @@ def growth_along(
     interrupted : sequence of float, optional
         Has an entry as soon as the motion shall end: what `saltus.work.interrupt_noted` gives.
     limit : float, optional
-        Size of a state at which the motion diverges, as in `simulate`.
+        Size beyond which a state that grows has diverged, as in `simulate`.
 
     Returns
     -------

@@ -50,7 +50,7 @@ class MapReturns:
     @classmethod
     def checked(cls, system: Map, x0: StateLike | None, options: SweepOptions) -> MapReturns:
         """Return the iterations of a map after checks of the options that depend on it."""
-        for name in ("mode", "section"):
+        for name in ("mode", "section", "limit"):
             if (value := getattr(options, name)) is not None:
                 raise InputError(f"SweepOptions.{name}", value, "left out for a map", "every iteration is a return")
         if options.lanes:

@@ -49,6 +49,8 @@ class SweepOptions:
     tolerance : float or (float, float)
         Relative tolerance of a step, or the relative and the absolute one. The default absolute tolerance is 1e-10. It
         is smaller in proportion to the smallest state where this is below 1e-2 at the first value.
+    limit : float, optional
+        Size beyond which a state that grows has diverged. By default as in `simulate`, by the problem at each value.
     lanes : bool, optional
         Whether motions that do not follow each other, of `chunks` or ``restart``, are followed side by side in vector
         lanes. By default where there are enough of them. Results are the same within the tolerance.
@@ -79,6 +81,7 @@ class SweepOptions:
     exponents: int = 1
     criteria: Criteria = field(default_factory=Criteria)
     tolerance: float | tuple[float, float] = 1e-8
+    limit: float | None = None
     lanes: bool | None = None
     workers: int | None = None
     client: Any = None
@@ -95,6 +98,8 @@ class SweepOptions:
         if self.quantities is not None:
             allowed = "texts, as ['v1']"
             checked["quantities"] = checks.names("SweepOptions.quantities", self.quantities, allowed, least=1)
+        if self.limit is not None:
+            checked["limit"] = checks.positive("SweepOptions.limit", self.limit)
         if self.lanes is not None:
             checked["lanes"] = checks.instance("SweepOptions.lanes", self.lanes, bool)
         if self.workers is not None:

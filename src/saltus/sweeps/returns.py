@@ -15,7 +15,7 @@ from saltus.ensemble.returns import ManyReturns, Start
 from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, tolerances_of
 from saltus.flow.poincare import EventSection, PoincareReturns, admits, iterate
-from saltus.flow.simulation import simulate
+from saltus.flow.simulation import SimulationOptions, simulate
 from saltus.flow.sizes import fitting_atol
 from saltus.flow.starting import phase_rate, starting_mode
 from saltus.flow.variational import Average, Growth, frame_tolerance, growth_along
@@ -134,6 +134,7 @@ class FlowReturns:
     criteria: Criteria
     rtol: float
     atol: float
+    limit: float | None = None
     many: ManyReturns | None = None
     growing: bool = False
     # the last of them where x0 is in no mode
@@ -159,6 +160,7 @@ class FlowReturns:
             criteria=options.criteria,
             rtol=rtol,
             atol=math.nan if atol is None else atol,
+            limit=options.limit,
         )
 
     @property
@@ -173,7 +175,8 @@ class FlowReturns:
 
     def described(self) -> dict[str, Any]:
         """Return the settings as plain data."""
-        return {
+        # files of sweeps without it go on to be resumed
+        return ({} if self.limit is None else {"limit": self.limit}) | {
             "x0": self.x0.tolist(),
             "mode": self.mode,
             "section": asdict(self.surface) if isinstance(self.surface, Section) else self.surface,
@@ -242,7 +245,8 @@ class FlowReturns:
             if interval is None:
                 return None
         absence = 0.25 * self.criteria.absence
-        many = ManyReturns(self.steady, self.section, (self.rtol, self.atol), interval, absence, self.exponents)
+        tolerance = self.rtol, self.atol
+        many = ManyReturns(self.steady, self.section, tolerance, interval, absence, self.exponents, self.limit)
         if not many.load():
             return None
         # where the phase goes on, lanes look at it alone, not at the returns to another section
@@ -284,6 +288,7 @@ class FlowReturns:
         """Return the growth of perturbations over some returns of a mean time."""
         aligned = max(returns // 4, 1)
         tolerances: dict[str, Any] = {"tolerance": (self.rtol, self.atol), "exponents": self.exponents}
+        tolerances["limit"] = self.limit
         if self.section is None:
             return growth_along(
                 self.system, p, x, mode, average=Average(periods=returns, discard=aligned), **tolerances
@@ -316,7 +321,7 @@ class FlowReturns:
             period = self._period(self.system.parameter_vector(parameters))
             how_long = {"periods": multiple * math.ceil(time / period / multiple - 1e-6)}
         name = self.system.mode_names[found.mode_end]
-        how_long |= {"tolerance": (self.rtol, self.atol)}
+        how_long |= {"tolerance": (self.rtol, self.atol), "options": SimulationOptions(limit=self.limit)}
         motion = simulate(self.system, parameters, found.x_end, mode=name, **how_long).motion()
         return list(observe(motion, observables, unheard).values())
 
@@ -338,16 +343,15 @@ class FlowReturns:
     ) -> PoincareReturns:
         """Return the returns of a motion; none for one without a phase that takes too many steps without a return."""
         section = None if self.section is None else EventSection(self.section, longest)
-        tolerance, places = (self.rtol, self.atol), self.system.angle_places
+        places = self.system.angle_places
+        how: dict[str, Any] = {"section": section, "tolerance": (self.rtol, self.atol), "limit": self.limit}
         try:
             while places.size and discard >= _ON_A_SHEET:  # an angle that has grown is known less exactly
-                gone = iterate(
-                    self.steady, p, x, mode, discard=_ON_A_SHEET - 1, keep=1, section=section, tolerance=tolerance
-                )
+                gone = iterate(self.steady, p, x, mode, discard=_ON_A_SHEET - 1, keep=1, **how)
                 if not gone.times.size:
                     return gone
                 x, mode, discard = wrapped(gone.x_end, places), gone.mode_end, discard - _ON_A_SHEET
-            found = iterate(self.steady, p, x, mode, discard=discard, keep=keep, section=section, tolerance=tolerance)
+            found = iterate(self.steady, p, x, mode, discard=discard, keep=keep, **how)
             return replace(found, x_end=wrapped(found.x_end, places)) if places.size else found
         except StiffnessError as error:
             if self.system.phase is not None:
@@ -367,8 +371,9 @@ class FlowReturns:
     def _rounding(self, p: NDArray[np.float64], found: PoincareReturns, time: float) -> NDArray[np.float64]:
         """Return the differences of full states that are rounding, from their sizes over a mean return."""
         run = EventDrivenMotion(
-            self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT
-        )
+            self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT,
+            limit=self.limit,
+        )  # fmt: skip
         run.follow(time, None, None)
         sizes = np.abs(run.steps()[2]).max(axis=0)
         return np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))

@@ -1,9 +1,8 @@
 """Linear first integrals found from the formulas: sums of states that no field and no reset changes.
 
-Such totals, as the moles of an element in a closed vessel or the charge between capacitors in series, have coefficients
-that are polynomials of the parameters. The compiled fields and resets, at places drawn at random, show how many
-integrals there can be: none for most systems, and then no formula is looked at. docs/theory/conserved.md says how the
-others are found.
+Such totals are the moles of an element in a closed vessel, or the charge between capacitors in series. Coefficients are
+polynomials of the parameters. The compiled fields and resets, at places drawn at random, show how many integrals there
+can be: none for most systems, and then no formula is looked at. docs/theory/conserved.md says how the others are found.
 """
 
 from __future__ import annotations
