@@ -7,7 +7,7 @@ duration brings the event function nearer to 0 there than this rounding times th
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from saltus.orbits.signature import EVENT_END
 from saltus.scales import EPS, ON_SURFACE, ROUNDINGS, UNFIT, followed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from saltus.orbits.problem import OrbitProblem
-    from saltus.orbits.signature import Survey
+    from saltus.orbits.signature import Signature, Survey
+    from saltus.system import HybridSystem
 
     _Evaluated: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
     _Evaluate: TypeAlias = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -33,10 +33,49 @@ _FAR = 1e-6  # share of a duration within which a surface is searched for next t
 _SMALL = 1e-6  # residual from which on Newton's steps need not make it smaller
 
 
+class Equations(Protocol):
+    """The equations of an orbit, as `saltus.orbits.problem.OrbitProblem` has them."""
+
+    system: HybridSystem
+    signature: Signature
+    active: Sequence[int]
+    scales: NDArray[np.float64]
+    n: int
+    size: int
+    kinds: NDArray[np.int64]
+    modes: NDArray[np.int64]
+    transitions: NDArray[np.int64]
+    extended: NDArray[np.float64]
+    state_scale: NDArray[np.float64]
+    tol: float
+
+    @property
+    def worst(self) -> float:
+        """Largest error of a step."""
+
+    def start(self, u: NDArray[np.float64]) -> int | None:
+        """Make meshes."""
+
+    def refine(self) -> bool:
+        """Move meshes."""
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residual and Jacobian."""
+
+    def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return all parameters."""
+
+    def event_sizes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how much events vary."""
+
+    def dense(self) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the dense output."""
+
+
 class Landed:
     """Events of an orbit that are met as exactly as the rounding of their segments' durations allows."""
 
-    def __init__(self, problem: OrbitProblem) -> None:
+    def __init__(self, problem: Equations) -> None:
         self.problem = problem
         self._last = np.arange(problem.n, problem.size, problem.n + 1)
         self._events = problem.kinds == EVENT_END
@@ -68,7 +107,7 @@ class Landed:
 
     def on_any_mesh(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return unknowns whose flow has values on meshes made for them, too; `u` where it has."""
-        held = self.problem
+        held: Any = self.problem
         fresh = type(held)(held.system, held.signature, held.parameters_at(u), held.active, held.scales, held.tol)
         return before_poles(fresh, fresh.evaluate, u, followed(held.tol), afresh=True)[0]
 
@@ -109,7 +148,7 @@ class Landed:
         return trial, F, J
 
 
-def steeply_met(problem: OrbitProblem, u: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.intp]:
+def steeply_met(problem: Equations, u: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the segments whose event function the flow's error in time moves by more than the size of its states.
 
     Parameters
@@ -125,7 +164,7 @@ def steeply_met(problem: OrbitProblem, u: NDArray[np.float64], rates: NDArray[np
     return np.flatnonzero(moved > problem.event_sizes(u))
 
 
-def on_surfaces(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey, least: float = ON_SURFACE) -> Survey:
+def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey, least: float = ON_SURFACE) -> Survey:
     """Return a survey whose extremes and residuals are those on the surfaces that are met steeply.
 
     Residuals of events are shares of the period there, in units of the largest state. The state there is taken along
@@ -161,7 +200,7 @@ def on_surfaces(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey, l
 
 
 def before_poles(
-    problem: OrbitProblem, evaluate: _Evaluate, u: NDArray[np.float64], most: float, *, afresh: bool = False
+    problem: Equations, evaluate: _Evaluate, u: NDArray[np.float64], most: float, *, afresh: bool = False
 ) -> _Evaluated:
     """Return unknowns, residual and Jacobian with durations up to events shortened until the flow has values.
 
@@ -191,7 +230,7 @@ def before_poles(
 
 
 def fitted(
-    problem: OrbitProblem,
+    problem: Equations,
     evaluate: _Evaluate,
     u: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
