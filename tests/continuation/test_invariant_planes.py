@@ -1,80 +1,57 @@
-"""Other branches of solutions that lie in an invariant plane, where some states are 0 all along."""
-
-from __future__ import annotations
+"""Branches in an invariant plane with multipliers across it that are beyond all numbers."""
 
 import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import saltus
+from selection import guarding
+
+BIRTHS, RECOVERY, CONTACTS, SHARE = 0.02, 100.0, 1800.0, 0.5
 
 
-@pytest.fixture(scope="module")
-def prey():
-    """Prey in seasons without predators (y = 0); units of prey X and predators Y."""
+def mean_excess(T):
+    """Return the mean growth rate of the infected over a period, over the contacts."""
+    away = math.exp(-BIRTHS * T)
+    mean = 1.0 - SHARE / (BIRTHS * T) * (1.0 - away) / (1.0 - (1.0 - SHARE) * away)
+    return mean - (BIRTHS + RECOVERY) / CONTACTS
+
+
+def vaccination(unit=1.0, groups=1):
+    """Pulse vaccination, with `groups` kinds of infected that grow alike; times in units."""
+    infected = [f"I{k}" for k in range(groups)]
+    b, m, g = CONTACTS / unit, BIRTHS / unit, (BIRTHS + RECOVERY) / unit
+    field = {"S": f"{m!r} - {b!r}*S*({'+'.join(infected)}) - {m!r}*S"}
+    field |= {name: f"{b!r}*S*{name} - {g * (1.0 + 0.1 * k)!r}*{name}" for k, name in enumerate(infected)}
+    pulse = saltus.Transition("f", "f", at_phase=0, reset={"S": "S/2"}, name="vaccination")
     return saltus.HybridSystem(
-        ("x", "y"), {"d": 0.9, "X": 1.0, "Y": 1.0},
-        {"m": saltus.Mode({"x": "x*(1 + 0.3*cos(th) - x/X) - x*y/Y/(0.5 + x/X)", "y": "y*(x/X/(0.5 + x/X) - d)"})},
-        phase=("th", "2*pi"),
-    )  # fmt: skip
+        ("S", *infected), {"T": unit}, {"f": saltus.Mode(field)}, [pulse], phase=("th", "2*pi/T")
+    )
 
 
-def hunted(orbit):
-    """The state after a season, in units of X and Y, by SciPy."""
-    d, X, Y = (orbit.parameters[name] for name in ("d", "X", "Y"))
-    start = np.array(orbit.x0)[:2] / (X, Y)
-
-    def rates(t, z):
-        eaten = z[0] / (0.5 + z[0])
-        return [z[0] * (1.0 + 0.3 * math.cos(2.0 * math.pi * t) - z[0]) - z[1] * eaten, z[1] * (eaten - d)]
-
-    return start, solve_ivp(rates, (0.0, 1.0), start, rtol=1e-12, atol=1e-16).y[:, -1]
-
-
-@pytest.mark.parametrize(("prey_unit", "predator_unit"), [(1.0, 1.0), (1e-6, 1e9)])
-def test_predators_appear_where_the_switch_leaves_the_plane_without_them(prey, prey_unit, predator_unit):
-    start = saltus.find_orbit(prey, {"X": prey_unit, "Y": predator_unit}, x0=[0.9 * prey_unit, 0.0])
-    point = saltus.continue_orbit(start, "d", (0.3, 0.95))["BP1"]
-    other = saltus.switch_branch(point)
-    before, after = hunted(other)
-    assert before[1] > 1e-7
-    # at the branch point itself the predators of any number up to rounding would return
-    assert abs(other.parameters["d"] - point.parameters["d"]) > 1e-9
-    np.testing.assert_allclose(after, before, rtol=1e-9)
+@pytest.mark.parametrize(
+    ("unit", "groups"), guarding([(1.0, 1), (1e-3, 1), (1e3, 1), (1.0, 2), (1.0, 3)], (1.0, 1), (1.0, 2))
+)
+def test_the_disease_free_orbit_is_followed_whatever_its_multiplier_across(unit, groups):
+    orbit = saltus.find_orbit(vaccination(unit, groups), x0=[0.03] + [0.0] * groups)
+    branch = saltus.continue_orbit(orbit, "T", (0.5 * unit, 6.0 * unit))
+    assert sorted(branch.values[[0, -1]] / unit) == pytest.approx([0.5, 6.0])
+    assert branch["BP1"].parameters["T"] / unit == pytest.approx(brentq(mean_excess, 0.5, 6.0, xtol=1e-14), rel=1e-11)
+    for T, values in zip(branch.values / unit, branch.multipliers, strict=True):
+        size = CONTACTS * T * mean_excess(T)
+        if size < 300.0:  # those of a row belong to the orbit before Newton's last step, 1e-8 in S: times 1800 T
+            known = np.min(np.abs(values - math.exp(size))) < 1e-4 * max(1.0, math.exp(size))
+            assert known or (size > math.log(1e10) and abs(values[0]) > 1e10)  # among several, given as infinite
+        else:
+            assert abs(values[0]) > 1e130
 
 
-@pytest.mark.campaign
-def test_pests_that_survive_pulses_of_predators_are_more_than_none():
-    pest = saltus.HybridSystem(
-        ("x", "y"), {"T": 3.0, "p": 2.0},
-        {"m": saltus.Mode({"x": "x*(1 - x) - 1.2*x*y", "y": "0.6*x*y - 0.4*y"})},
-        [saltus.Transition("m", "m", "sin(s)", 1, {"y": "y + p"}, name="pulse")],
-        phase=("s", "2*pi/T"), positive=["T"],
-    )  # fmt: skip
-    point = saltus.continue_orbit(saltus.find_orbit(pest, x0=[0.5, 0.5]), "p", (0.1, 10.0))["BP1"]
-    assert point.parameters["p"] == pytest.approx(3.0 * 0.4 / 1.2, rel=1e-9)  # growth T = b p / d of the loss
-    other = saltus.switch_branch(point)
-    assert other.max["x"] > 1e-6
-    lasting = saltus.continue_orbit(other, "p", (0.5, 2.0))
-    settled = min(lasting, key=lambda orbit: abs(orbit.parameters["p"] - 0.5))
-    # the mean growth of a pest that lasts is 0, so that the mean of x + 1.2 y is 1; the orbit starts before its pulse
-    ways = solve_ivp(
-        lambda t, z: [z[0] * (1 - z[0] - 1.2 * z[1]), z[1] * (0.6 * z[0] - 0.4), z[0] + 1.2 * z[1]],
-        (0.0, 3.0), [settled.x0[0], settled.x0[1] + 0.5, 0.0], rtol=1e-12, atol=1e-14,
-    )  # fmt: skip
-    assert settled.max["x"] > 0.1
-    assert ways.y[2, -1] == pytest.approx(3.0, rel=1e-8)
-
-
-@pytest.mark.parametrize("shift", [0.0, 1.0])
-def test_doubled_orbits_of_the_standard_map_go_on_wherever_its_momentum_is_zero(shift):
-    """x = pi +- d with sin d = 4 d/K, from K = 4 on."""
-    standard = saltus.Map(("p", "x"), {"K": 3.5, "h": shift}, {"p": "p + K*sin(x)", "x": "x + (p - h) + K*sin(x)"})
-    single = saltus.continue_orbit(saltus.solve_orbit(standard, x0=[shift, 3.0]), "K", (1.0, 8.0))
-    doubled = saltus.continue_orbit(saltus.switch_branch(single["PD1"]), "K", (3.0, 8.0))
-    assert not any("without bound" in text for text in doubled.stopped)
-    assert doubled.values.max() == pytest.approx(8.0, rel=1e-12)
-    d = np.abs(doubled.x0[:, 1] - math.pi)
-    np.testing.assert_allclose(np.sin(d) * doubled.values, 4.0 * d, atol=1e-8)
+@pytest.mark.parametrize("T", guarding([3.0, 5.0, 6.0, 9.0], 6.0))
+def test_an_orbit_in_the_plane_is_found_whatever_its_multiplier_across(T):
+    away = math.exp(-BIRTHS * T)
+    start = SHARE * (1.0 - away) / (1.0 - (1.0 - SHARE) * away)
+    orbit = saltus.solve_orbit(vaccination(), {"T": T}, segments=[("f", "vaccination", [1.1 * start, 0.0], T)])
+    assert orbit.segments[0].state[:2] == pytest.approx([start, 0.0], rel=1e-10)
+    assert orbit.multipliers[1].real == pytest.approx(SHARE * away, rel=1e-9)

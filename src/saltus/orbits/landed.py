@@ -71,6 +71,45 @@ class Equations(Protocol):
         """Return the flow along the orbit."""
 
 
+class Equations(Protocol):
+    """The equations of an orbit, as `saltus.orbits.problem.OrbitProblem` has them."""
+
+    system: HybridSystem
+    signature: Signature
+    active: Sequence[int]
+    scales: NDArray[np.float64]
+    n: int
+    size: int
+    kinds: NDArray[np.int64]
+    modes: NDArray[np.int64]
+    transitions: NDArray[np.int64]
+    extended: NDArray[np.float64]
+    state_scale: NDArray[np.float64]
+    tol: float
+
+    @property
+    def worst(self) -> float:
+        """Largest error of a step."""
+
+    def start(self, u: NDArray[np.float64]) -> int | None:
+        """Make meshes."""
+
+    def refine(self) -> bool:
+        """Move meshes."""
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residual and Jacobian."""
+
+    def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return all parameters."""
+
+    def event_sizes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how much events vary."""
+
+    def dense(self) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the dense output."""
+
+
 class Landed:
     """Events of an orbit that are met as exactly as the rounding of their segments' durations allows."""
 

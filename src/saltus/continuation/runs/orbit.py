@@ -29,6 +29,7 @@ from saltus.continuation.problems.ends.unbounded import (
     vanishes_at_last,
 )
 from saltus.continuation.problems.grazing import Neighbour, neighbour
+from saltus.continuation.problems.on_faces import within_faces
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
@@ -110,7 +111,7 @@ class OrbitRun(OneParameterRun):
 
     def start(self, branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Point:
         """Return the first point of the branch."""
-        return start_point(branch, u)
+        return within_faces(branch, u, start_point(branch, u))
 
     def orbit_of(self, branch: OrbitZeroProblem, point: Point) -> PeriodicOrbit:
         """Return the orbit of a point."""

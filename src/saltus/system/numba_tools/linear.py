@@ -56,6 +56,32 @@ def solve_flat(matrix, rhs, m, k):
     return sign, log
 
 
+@njit(**INNER)
+def _decouple(matrix, F, u, wide):
+    """Take unknowns that stay 0 out of all other equations: what they add there is 0, and its rounding may be all.
+
+    Their own equations are solved by 0, and hold no other unknowns: an invariant plane. The determinant stays.
+    """
+    m, rows, columns = F.size, 0, 0
+    within, own = np.zeros(wide, np.int64), np.zeros(wide, np.int64)
+    for i in range(m):
+        closed = F[i] == 0.0 and matrix[i * wide + i] != 0.0
+        for j in range(wide):
+            closed = closed and (u[j] == 0.0 or matrix[i * wide + j] == 0.0)
+        if closed:
+            rows, within[i] = rows + 1, 1
+            for j in range(wide):
+                if matrix[i * wide + j] != 0.0:
+                    own[j] = 1
+    for j in range(wide):
+        columns += own[j]
+    if rows == columns:
+        for i in range(wide):
+            for j in range(wide):
+                if within[i] == 0 and own[j] == 1:
+                    matrix[i * wide + j] = 0.0
+
+
 @njit(cache=True, error_model="numpy")
 def bordered(J, F, row, u, guess, scale):
     """Solve (J; row) (du, t) = (-F, 0; -row (u - guess), 1).
@@ -88,6 +114,10 @@ def bordered_flat(J, F, row, u, guess, scale, matrix, rhs):
         ahead += row[j] * (u[j] - guess[j])
     rhs[2 * m] = -ahead
     rhs[2 * m + 1] = 1.0
+    for i in range(m):
+        if F[i] == 0.0 and u[i] == 0.0 and matrix[i * wide + i] != 0.0:
+            _decouple(matrix, F, u, wide)
+            break
     sign, log = solve_flat(matrix, rhs, wide, int64(2))
     for j in range(wide):
         change = abs(rhs[2 * j]) / scale[j]
