@@ -105,11 +105,7 @@ class DefinitionError(InputError):
 
     Examples
     --------
-    >>> import saltus
-    >>> try:
-    ...     saltus.HybridSystem.smooth({"x": "-k*x"})
-    ... except saltus.errors.DefinitionError as error:
-    ...     print(error)
+    >>> print(DefinitionError("mode 'smooth'", "-k*x", "in x and pi, but 'k' is unknown"))
     mode 'smooth' = '-k*x': must be in x and pi, but 'k' is unknown
     """
 
@@ -316,13 +312,9 @@ class DivergenceError(_MotionError):
 
     Examples
     --------
-    >>> import saltus
-    >>> growth = saltus.HybridSystem.smooth({"x": "x**2"})
-    >>> try:
-    ...     saltus.simulate(growth, x0=[1.0], t_end=2.0)
-    ... except saltus.errors.DivergenceError as error:
-    ...     print(round(error.time, 6))
-    1.0
+    >>> error = DivergenceError(1.0, [1e9], "smooth", "a state is beyond every bound")
+    >>> error.time, error.state
+    (1.0, (1000000000.0,))
     """
 
     def __init__(self, time: float, state: Iterable[float], mode: str, reason: str) -> None:

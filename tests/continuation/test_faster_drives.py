@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, load, switch_branch
-from saltus.system.harmonics import drive_repeats
+from saltus.system.periodicity import drive_repeats
 from selection import guarding
 
 WAVES = [

@@ -33,45 +33,6 @@ _FAR = 1e-6  # share of a duration within which a surface is searched for next t
 
 
 class Equations(Protocol):
-    """What is asked here of the equations of an orbit: see `OrbitProblem`."""
-
-    system: HybridSystem
-    signature: Signature
-    active: Sequence[int]
-    scales: NDArray[np.float64]
-    tol: float
-    n: int
-    size: int
-    kinds: NDArray[np.int64]
-    modes: NDArray[np.int64]
-    transitions: NDArray[np.int64]
-    extended: NDArray[np.float64]
-    state_scale: NDArray[np.float64]
-
-    @property
-    def worst(self) -> float:
-        """Return the largest error of a step, in tolerances."""
-
-    def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return all parameters."""
-
-    def start(self, u: NDArray[np.float64]) -> int | None:
-        """Make meshes for the unknowns; return the segment that has no flow."""
-
-    def refine(self) -> object:
-        """Move the meshes."""
-
-    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return residual and Jacobian."""
-
-    def event_sizes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return by how much the event functions vary with the states' sizes."""
-
-    def dense(self) -> Any:
-        """Return the flow along the orbit."""
-
-
-class Equations(Protocol):
     """The equations of an orbit, as `saltus.orbits.problem.OrbitProblem` has them."""
 
     system: HybridSystem

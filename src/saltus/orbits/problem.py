@@ -20,8 +20,8 @@ from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import at_rest, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
-from saltus.orbits.totals import KeptTotals
 from saltus.scales import ABOVE_ROUNDING, EPS, FINEST, MOVES_NOTHING, NEAR_ZERO, RESTING, Scales
+from saltus.system.integrals.kept import KeptTotals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -278,12 +278,8 @@ class OrbitProblem(Discretised):
         self.set_parameters(u)
         blocks = u[: self.size].reshape(self.segments, self.n + 1)
         ends = np.roll(blocks[:, : self.n], -1, axis=0)
-        return np.array(
-            [
-                self.event_size(transition, x) if transition >= 0 else 0.0
-                for transition, x in zip(self.signature.transitions, ends, strict=True)
-            ]
-        )
+        given = zip(self.signature.transitions, ends, strict=True)
+        return np.array([self.event_size(transition, x) if transition >= 0 else 0.0 for transition, x in given])
 
     def event_size(self, transition: int, x: NDArray[np.float64]) -> float:
         """Return how much an event function varies near a full state with the states' sizes."""

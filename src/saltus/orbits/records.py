@@ -57,8 +57,8 @@ class Orbit(NamedTuple):
     active: NDArray[np.int64]  # parameters among the unknowns
     scales: NDArray[np.float64]  # shape (active,): their units
     angles: NDArray[np.int64]  # states on a circle, in which equations hold modulo 2 pi
-    laws: NDArray[np.float64]  # shape (term, 3 + parameters): see `saltus.orbits.totals.KeptTotals.terms`
-    totals: NDArray[np.float64]  # shape (law, 2): see `saltus.orbits.totals.KeptTotals.wanted`
+    laws: NDArray[np.float64]  # shape (term, 3 + parameters): see `saltus.system.integrals.kept.KeptTotals.terms`
+    totals: NDArray[np.float64]  # shape (law, 2): see `saltus.system.integrals.kept.KeptTotals.wanted`
     # shape (4,): addresses of `flow`, `dense`, `vary` and `check` of `saltus.flow.kernels.implicit_segment`, 0 for
     # explicit steps
     implicit: NDArray[np.int64]

@@ -9,9 +9,9 @@ import numpy as np
 from saltus.errors import InputError
 from saltus.flow.formulas import read_formula
 from saltus.orbits.stability.families import of_a_family
-from saltus.orbits.totals import KeptTotals
 from saltus.scales import ILL_CONDITIONED
 from saltus.system.evaluate import evaluate
+from saltus.system.integrals.kept import KeptTotals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

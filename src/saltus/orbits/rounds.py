@@ -12,7 +12,7 @@ from saltus.orbits.exactness import computed_finer, point_errors
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.scales import FINEST, ROUNDED_ROUNDS, ROUNDS_ALIKE, Verdict, same
 from saltus.system.angles import wrapped
-from saltus.system.harmonics import drive_repeats
+from saltus.system.periodicity import drive_repeats
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -330,8 +330,7 @@ def solve_unknowns(
     else:
         scale[problem.n :: problem.n + 1] /= 2.0 * math.pi  # a radian, within which a step of an orbit stays
     F, J = fitted(problem, evaluate, u)
-    size, remeshed, landed = float(np.abs(F).max()), 0, Landed(problem)
-    extent = _extent(problem, u)
+    size, remeshed, landed, extent = float(np.abs(F).max()), 0, Landed(problem), _extent(problem, u)
     for iteration in range(most):
         if unfolded is not None and unfolded.turn_gap(u, J[:-1]):
             F, J = evaluate(u)
@@ -357,15 +356,12 @@ def solve_unknowns(
                 break
             factor *= 0.5
             if factor < least:
-                if (
-                    unfolded is None
-                    and length < 1e-6
-                    and (there := landed.sought(evaluate, (u, F, J), step)) is not None
-                ):
-                    trial, F_new, J_new = there
-                    new, factor = float(np.abs(landed.left(F_new)).max()), 1.0
-                    break
-                raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
+                sought = unfolded is None and length < 1e-6
+                if not sought or (there := landed.sought(evaluate, (u, F, J), step)) is None:
+                    raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
+                trial, F_new, J_new = there
+                new, factor = float(np.abs(landed.left(F_new)).max()), 1.0
+                break
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
         rounding = (
@@ -375,9 +371,9 @@ def solve_unknowns(
             fine = problem.refine()
             survey = problem.survey(u) if fine else None
             coarse = survey is not None and survey.coarse
-            if problem.signature.kinds[0] == CLOSED_END and u[problem.n] < 0.2 * given[problem.n]:
-                raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
-            if u[problem.n :: problem.n + 1].sum() < scales.VANISHED * given[problem.n :: problem.n + 1].sum():
+            periods = [float(x[problem.n :: problem.n + 1].sum()) for x in (u, given)]
+            shrunk = problem.signature.kinds[0] == CLOSED_END and u[problem.n] < 0.2 * given[problem.n]
+            if shrunk or periods[0] < scales.VANISHED * periods[1]:
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
             if _extent(problem, u) < scales.VANISHED**2 * extent:
                 raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))

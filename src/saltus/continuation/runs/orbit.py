@@ -12,7 +12,6 @@ from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
 from saltus.continuation.problems.changes import type_of_change
-from saltus.continuation.problems.copies import copied
 from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.drive_doubling import doubles_drive
@@ -29,12 +28,13 @@ from saltus.continuation.problems.ends.unbounded import (
     vanishes_at_last,
 )
 from saltus.continuation.problems.grazing import Neighbour, neighbour
-from saltus.continuation.problems.on_faces import within_faces
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs import beyond
+from saltus.continuation.runs.copies import copied
 from saltus.continuation.runs.excursion import adding_sliding_ahead
+from saltus.continuation.runs.on_faces import within_faces
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
 from saltus.continuation.runs.pieces import in_more_pieces

@@ -14,6 +14,7 @@ import numpy as np
 from numba import float64, int64
 
 from saltus.flow.kernels.stages import dense_coefficients, dense_slope, dense_value, error_norm, stage, state_error
+from saltus.flow.kernels.vast import VAST, rescaled, unscaled
 from saltus.flow.kernels.ways import JUMP, WAYS, longest_way
 from saltus.flow.tableaux import NODES as C
 from saltus.scales import SMALLEST
@@ -143,7 +144,6 @@ EXTRAPOLATION = (5.0, -10.0, 10.0, -5.0, 1.0)  # weights of values at 1, 2, 3, 4
 NEARBY = 1e-4  # distance of the nearest such value from the surface, as a share of the segment's duration
 ALIKE = 0.75  # least ratio of neighbouring steps of a mesh
 VARIED = 1e2  # tolerance of the sensitivities, which vary faster, over that of the state
-VAST = 2.0**500  # sensitivity to a state that stays at 0, from which on its size is kept apart: squares are numbers
 PROBES = (0.46, 0.75)  # fractions of a step, between its stages, at which its dense output is checked
 MISSED = 1e4  # defect there, in tolerances, beyond which the step passed over something
 
@@ -393,53 +393,10 @@ def flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors):
             y[e] = trial[e]
             slopes[e] = slopes[12 * length + e]
         if largest > VAST or scaled:
-            scaled = _rescaled(n, columns, x0, y, slopes, pointer(powers, 0))
+            scaled = rescaled(n, columns, x0, y, slopes, pointer(powers, 0))
     if scaled:
-        _unscaled(n, columns, y, pointer(powers, 0))
+        unscaled(n, columns, y, pointer(powers, 0))
     keep(block)
-
-
-@njit(**INNER)
-def _rescaled(n, columns, x0, y, slopes, powers):
-    """Keep sensitivities to states that stay at exactly 0 within numbers: a power of `VAST` is taken out of each.
-
-    Nothing else depends on such a state: zero is an invariant plane, and its own factor may be beyond all numbers.
-    powers: (n,), of each; returns whether any is there.
-    """
-    outlined()
-    any_scaled = False
-    for c in range(n):
-        if x0[c] == 0.0 and y[c] == 0.0:
-            size = 0.0
-            for e in range(n):
-                size = max(size, abs(y[n + e * columns + c]))
-            by = 1.0
-            if size > VAST:
-                by, powers[c] = 1.0 / VAST, powers[c] + 1.0
-            elif powers[c] > 0.0 and size < 1.0:
-                by, powers[c] = VAST, powers[c] - 1.0
-            if by != 1.0:
-                for e in range(n):
-                    y[n + e * columns + c] *= by
-                    slopes[n + e * columns + c] *= by
-        any_scaled = any_scaled or powers[c] > 0.0
-    return any_scaled
-
-
-@njit(**INNER)
-def _unscaled(n, columns, y, powers):
-    """Put back the powers that `_rescaled` has taken out; a sensitivity beyond `VAST` is that of its state alone, `VAST`."""
-    outlined()
-    for c in range(n):
-        if powers[c] > 0.0:
-            own = y[n + c * columns + c]
-            size = math.log(abs(own)) + powers[c] * math.log(VAST) if own != 0.0 else 0.0
-            for e in range(n):
-                at = n + e * columns + c
-                if size < math.log(VAST):
-                    y[at] *= VAST
-                else:
-                    y[at] = math.copysign(VAST, own) if e == c else 0.0
 
 
 @njit(**INNER)

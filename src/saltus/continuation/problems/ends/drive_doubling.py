@@ -14,7 +14,7 @@ import numpy as np
 from saltus.orbits.cuts import clustered, whole
 from saltus.orbits.rounds import repeats_of
 from saltus.orbits.signature import PHASE_END
-from saltus.system.harmonics import drive_repeats
+from saltus.system.periodicity import drive_repeats
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
