@@ -166,7 +166,8 @@ def steeply_met(problem: Equations, u: NDArray[np.float64], rates: NDArray[np.fl
 def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey, least: float = ON_SURFACE) -> Survey:
     """Return a survey whose extremes and residuals are those on the surfaces that are met steeply.
 
-    Residuals of events are shares of the period there, in units of the largest state. The state there is taken along
+    Residuals of events within the flow's error in time are shares of the period there, in units of the largest state. Longer
+    ones stay. The state there is taken along
     the flow, from where the segment ends by the rounding of its duration.
 
     Parameters
@@ -176,7 +177,7 @@ def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey, leas
     """
     period, n = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum()), problem.n
     with np.errstate(divide="ignore", invalid="ignore"):
-        short = survey.rates[:, 2] <= _FAR * period * np.abs(survey.rates[:, 0])
+        short = survey.rates[:, 2] <= followed(problem.tol) * period * np.abs(survey.rates[:, 0])
     off = (problem.kinds == EVENT_END) & short & (survey.rates[:, 2] > least * float(problem.state_scale.min()))
     if not off.any():
         return survey
