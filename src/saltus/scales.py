@@ -30,6 +30,7 @@ __all__ = [
     "HALVES_PERHAPS",
     "ILL_CONDITIONED",
     "INFINITE",
+    "LANDED",
     "LOCATED",
     "ONE_STATE",
     "ON_SURFACE",
@@ -95,6 +96,10 @@ ROUNDS_ALIKE = 1e-6
 
 # The same over the size of a state, whose range may be nothing: rounding of the return.
 ROUNDED_ROUNDS = 1e-12
+
+# Residual of an event, over its variation with the states' sizes, up to which its segment ends on the surface: that of
+# orbits that branches keep. Beyond it the error in time is told.
+LANDED = 1e-8
 
 # Roundings of a duration, at most, that a sum of steps makes: the surface of an event is reached within so many.
 ROUNDINGS = 8.0
