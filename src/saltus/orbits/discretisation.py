@@ -25,6 +25,7 @@ __all__ = ["Discretised"]
 
 _MOST_SLIDING = 20_000  # steps of an orbit that slides, beyond which it comes too near to a two-fold
 _MOVES = 4  # of meshes of explicit steps until steps in frames have about equal errors
+_SETTLING = 6  # of meshes in a row until steps are cut only
 _LONGER = 0.05  # change of a duration from which the dense output is laid out anew
 _DISCRETISATION = (
     "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
@@ -51,6 +52,8 @@ class Discretised(ABC):
     _errors: NDArray[np.float64]
     _worst: float
     _looked: int
+    _rough: bool  # whether meshes that are moved do not settle
+    _unsettled: int  # moves of meshes in a row that left them too coarse
     _decays: list[float | Decay]
     _dense: tuple[NDArray[np.float64], NDArray[np.float64]]
     # mesh and durations that the dense output's meshes were laid out for, and these
@@ -172,7 +175,28 @@ class Discretised(ABC):
 
         met: whether the segments ended at their events there, so that steps beside these count.
         """
-        return self._worst <= self._meshes.FINEST or self._move(self._meshes.FINEST, met=met)
+        if self._worst <= self._meshes.FINEST:
+            self._unsettled = 0
+            return True
+        self._unsettled += 1
+        self._rough = self._rough or self._unsettled > _SETTLING
+        if self._rough and self._worst <= self._meshes.UNSTABLE:
+            self._cut_steps()
+            return False
+        fine = self._move(self._meshes.FINEST, met=met)
+        self._unsettled *= not fine
+        return fine
+
+    def _cut_steps(self) -> None:
+        """Cut in half the steps whose errors are too large, and leave all others as they are.
+
+        Meshes that are moved again and again need not settle: next to the limit of stability errors know no order.
+        """
+        (places, starts), large = self.mesh, self._errors > self._meshes.FINEST
+        large[starts[1:] - 1] = False  # no step begins at a segment's end
+        cut = np.flatnonzero(large)
+        middles = 0.5 * (places[cut] + places[cut + 1])
+        self._use(np.insert(places, cut + 1, middles), starts + np.searchsorted(cut, starts))
 
     def prepare(self, u: NDArray[np.float64]) -> None:
         """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be.

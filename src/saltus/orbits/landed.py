@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import numpy as np
 
 from saltus.orbits.signature import EVENT_END
-from saltus.scales import EPS, ON_SURFACE, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
+from saltus.scales import EPS, RESIDUAL_KEPT, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -163,25 +163,20 @@ def steeply_met(problem: Equations, u: NDArray[np.float64], rates: NDArray[np.fl
     return np.flatnonzero(moved > problem.event_sizes(u))
 
 
-def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey, least: float = ON_SURFACE) -> Survey:
+def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> Survey:
     """Return a survey whose extremes and residuals are those on the surfaces that are met steeply.
 
-    Residuals of events within the flow's error in time are shares of the period there, in units of the largest state. Longer
-    ones stay. The state there is taken along
-    the flow, from where the segment ends by the rounding of its duration.
-
-    Parameters
-    ----------
-    least : float, optional
-        Residual of an event, over its variation with the states' sizes, from which on it is looked at.
+    Residuals of events within the flow's error in time are shares of the period there, in units of the largest state.
+    Longer ones stay. The state there is taken along the flow, from where the segment ends by the rounding of its
+    duration.
     """
     period, n = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum()), problem.n
     with np.errstate(divide="ignore", invalid="ignore"):
         short = survey.rates[:, 2] <= followed(problem.tol) * period * np.abs(survey.rates[:, 0])
-    off = (problem.kinds == EVENT_END) & short & (survey.rates[:, 2] > least * float(problem.state_scale.min()))
+    off = (problem.kinds == EVENT_END) & short & (survey.rates[:, 2] > RESIDUAL_KEPT * float(problem.state_scale.min()))
     if not off.any():
         return survey
-    steep = np.flatnonzero(off & (survey.rates[:, 2] > least * problem.event_sizes(u)))
+    steep = np.flatnonzero(off & (survey.rates[:, 2] > RESIDUAL_KEPT * problem.event_sizes(u)))
     lows, highs, rates = survey.lows.copy(), survey.highs.copy(), survey.rates.copy()
     _, starts, nodes, _ = problem.dense()
     compiled, p = problem.system.compiled, problem.extended

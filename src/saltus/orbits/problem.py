@@ -98,7 +98,7 @@ class OrbitProblem(Discretised):
         self._worst = 0.0
         self._surface_rows = np.zeros((2, 0, len(self.system.states)))
         self._common: tuple[NDArray[np.float64], ...] | None = None  # rows and sizes that common sizes are known of
-        self.stiff, self._looked = False, 0
+        self.stiff, self._looked, self._rough, self._unsettled = False, 0, False, 0
         self.linear = None
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
@@ -347,6 +347,7 @@ class OrbitProblem(Discretised):
         given = self.record, self.mesh, phase, tolerances, plane, numbers
         told = self.newton.newton(*given, u, F, J, self._errors, steps)
         self._worst = float(numbers[self.newton.WORST])
+        self._unsettled *= not self._worst <= self._meshes.FINEST
         return int(told)
 
     def resolve(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,0 +1,55 @@
+"""Cycles along a canard, of which nothing is left but the slow motion along what repels."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
+
+import saltus
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, Signature
+from selection import guarding
+
+
+def hindmarsh_rose(r):
+    field = {"x": "y - x**3 + 3*x**2 - z + I", "y": "1 - 5*x**2 - y", "z": "r*(4*(x + 1.6) - z)"}
+    return saltus.HybridSystem.smooth(field, {"I": 1.0, "r": r})
+
+
+@pytest.mark.parametrize("r", guarding([0.005, 0.01]))
+def test_cycles_go_on_along_a_canard_as_shooting_does(r):
+    rest = saltus.find_equilibrium(hindmarsh_rose(r), x0=[-1.3, -7.5, 1.2])
+    branch = saltus.continue_equilibrium(rest, "I", bounds=(0.0, 6.0))
+    born = saltus.switch_branch(branch["HB1"])
+    cycles = saltus.continue_orbit(born, "I", (0.0, 6.0), steps=saltus.StepControl(max_points=70))
+    longest = max(range(len(cycles)), key=lambda k: cycles.period[k])
+    orbit = cycles.solution(longest)
+    assert orbit.period > (295.0 if r == 0.005 else 172.0)
+    level = orbit.x0[0]
+
+    def gap(u):
+        run = solve_ivp(
+            lambda t, x: [x[1] - x[0] ** 3 + 3 * x[0] ** 2 - x[2] + u[2], 1 - 5 * x[0] ** 2 - x[1],
+                          r * (4 * (x[0] + 1.6) - x[2])],
+            (0, orbit.period), [level, u[0], u[1]], rtol=1e-12, atol=1e-13, method="DOP853",
+        )  # fmt: skip
+        return run.y[:, -1] - [level, u[0], u[1]]
+
+    found, _, done, _ = fsolve(gap, [*orbit.x0[1:3], orbit.parameters["I"]], full_output=True, xtol=1e-13)
+    assert done == 1 or np.max(np.abs(gap(found))) < 1e-7
+    assert orbit.parameters["I"] == pytest.approx(found[2], rel=1e-9)
+
+
+def test_meshes_that_do_not_settle_are_cut_where_they_are_too_coarse():
+    problem = OrbitProblem(hindmarsh_rose(0.01), Signature((0,), (-1,), (CLOSED_END,), 0), np.array([3.0, 0.01]))
+    u = np.array([0.0, 0.0, 3.0, 5.0])
+    problem.start(u)
+    problem.evaluate(u)
+    for _ in range(8):  # errors that moves of meshes do not lessen
+        places = problem.mesh[0].copy()
+        problem._errors[:] = 1.0
+        problem._errors[3] = problem._worst = 20.0
+        assert not problem.refine()
+    assert problem.mesh[0] == pytest.approx(np.insert(places, 4, 0.5 * (places[3] + places[4])))
+    assert problem.mesh[1][-1] == problem.mesh[0].size
+    assert np.isfinite(problem.evaluate(u)[1]).all()
