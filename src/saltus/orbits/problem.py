@@ -222,9 +222,8 @@ class OrbitProblem(Discretised):
         """
         blocks, tolerances = u[: self.size].reshape(self.segments, self.n + 1), (self.tol, self._atol)
         states = len(self.system.states)
-        found = adapted(
-            self.system.compiled, self._functions, self.modes, blocks, self.extended, tolerances, states, self.stiff
-        )
+        given = self._functions, self.modes, blocks, self.extended, tolerances
+        found = adapted(self.system.compiled, *given, states, self.stiff)
         if isinstance(found, int):
             return found
         (places, starts), self.stiff = joined(found[0]), found[1]
