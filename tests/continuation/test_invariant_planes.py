@@ -48,6 +48,14 @@ def test_the_disease_free_orbit_is_followed_whatever_its_multiplier_across(unit,
             assert abs(values[0]) > 1e130
 
 
+@pytest.mark.parametrize("largest", guarding([0.01, 0.02, 0.05, 0.2], 0.02))
+def test_the_threshold_has_all_digits_at_every_length_of_step(largest):
+    """The factor across the plane falls to 1e-6 within a period, and comes back to 1."""
+    orbit = saltus.find_orbit(vaccination(), x0=[0.03, 0.0])
+    branch = saltus.continue_orbit(orbit, "T", (0.5, 3.0), steps=saltus.StepControl(largest=largest))
+    assert branch["BP1"].parameters["T"] == pytest.approx(brentq(mean_excess, 0.5, 6.0, xtol=1e-14), rel=3e-12)
+
+
 @pytest.mark.parametrize("T", guarding([3.0, 5.0, 6.0, 9.0], 6.0))
 def test_an_orbit_in_the_plane_is_found_whatever_its_multiplier_across(T):
     away = math.exp(-BIRTHS * T)

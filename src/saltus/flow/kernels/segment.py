@@ -14,7 +14,7 @@ import numpy as np
 from numba import float64, int64
 
 from saltus.flow.kernels.stages import dense_coefficients, dense_slope, dense_value, error_norm, stage, state_error
-from saltus.flow.kernels.vast import VAST, rescaled, unscaled
+from saltus.flow.kernels.vast import VAST, any_alone, own_error, rescaled, unscaled
 from saltus.flow.kernels.ways import JUMP, WAYS, longest_way
 from saltus.flow.tableaux import NODES as C
 from saltus.scales import SMALLEST
@@ -370,7 +370,8 @@ def flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors):
     for e in range(n):
         y[e] = x0[e]
         y[n + e * columns + e] = 1.0
-    powers, scaled = np.zeros(n), False
+    powers, scaled, shares = np.zeros(n), False, numbers_at(segment.functions[SHARES])
+    alone = any_alone(n, x0, shares)
     for e in range(length):
         slopes[e] = 0.0  # time stands still at the segment's start
     if rooted:
@@ -386,9 +387,12 @@ def flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors):
         for e in range(n, size):
             largest = max(largest, abs(trial[e]))
         errors[step] = max(
-            state_error(slopes, length, n, h, y, trial, (rtol, atol), numbers_at(segment.functions[SHARES])),
+            state_error(slopes, length, n, h, y, trial, (rtol, atol), shares),
             error_norm(slopes, length, n, size - n, h, y, trial, 0.0, VARIED * rtol * largest),
         )
+        if alone:
+            own = own_error(n, columns, x0, shares, (slopes, length, h, y, trial), VARIED * rtol)
+            errors[step] = max(errors[step], own)
         for e in range(length):
             y[e] = trial[e]
             slopes[e] = slopes[12 * length + e]

@@ -1,7 +1,13 @@
-"""Sensitivities to states that stay at 0, kept within numbers: a power of a vast number is taken out of each."""
+"""Sensitivities to states that stay at 0: their own relative error, and powers of a vast number taken out of each.
+
+Zero is an invariant plane of such a state. What it would grow by there is a factor of the flow across the plane: it may
+fall to 1e-10 within a period and come back to 1, or grow beyond all numbers.
+"""
 
 import math
 
+from saltus.flow.kernels.stages import error_norm
+from saltus.scales import SMALLEST
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, outlined
 
@@ -49,3 +55,29 @@ def unscaled(n, columns, y, powers):
                     y[at] *= VAST
                 else:
                     y[at] = math.copysign(VAST, own) if e == c else 0.0
+
+
+@njit(**INNER)
+def any_alone(n, x0, shares):
+    """Return whether a state that is measured by its own size is 0; shares: see `state_error`."""
+    outlined()
+    found = False
+    for c in range(n):
+        found = found or (x0[c] == 0.0 and shares[c] == 0.0)
+    return found
+
+
+@njit(**INNER)
+def own_error(n, columns, x0, shares, step, tolerance):
+    """Largest error of a step in the factors by which states at 0 would grow, over `tolerance` of these.
+
+    step: (slopes, length, h, y, trial), as in `saltus.flow.kernels.segment.flow`.
+    """
+    outlined()
+    slopes, length, h, y, trial = step
+    largest = 0.0
+    for c in range(n):
+        if x0[c] == 0.0 and trial[c] == 0.0 and shares[c] == 0.0:
+            at = n + c * columns + c
+            largest = max(largest, error_norm(slopes, length, at, 1, h, y, trial, tolerance, SMALLEST))
+    return largest
