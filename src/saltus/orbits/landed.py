@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import numpy as np
 
 from saltus.orbits.signature import EVENT_END
-from saltus.scales import EPS, RESIDUAL_KEPT, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
+from saltus.scales import EPS, ON_SURFACE, RESIDUAL_KEPT, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -166,21 +166,22 @@ def steeply_met(problem: Equations, u: NDArray[np.float64], rates: NDArray[np.fl
 def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> Survey:
     """Return a survey whose extremes and residuals are those on the surfaces that are met steeply.
 
-    Residuals of events within the flow's error in time are shares of the period there, in units of the largest state.
-    Longer ones stay. The state there is taken along the flow, from where the segment ends by the rounding of its
-    duration.
+    Met steeply is a surface from which the flow's error in time leads away further than a located grazing's error. The
+    residuals there are shares of the period, in units of the largest state; all others stay. The state on the surface
+    is taken along the flow, from where the segment ends by the rounding of its duration.
     """
     period, n = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum()), problem.n
-    with np.errstate(divide="ignore", invalid="ignore"):
-        short = survey.rates[:, 2] <= followed(problem.tol) * period * np.abs(survey.rates[:, 0])
-    off = (problem.kinds == EVENT_END) & short & (survey.rates[:, 2] > RESIDUAL_KEPT * float(problem.state_scale.min()))
-    if not off.any():
-        return survey
-    steep = np.flatnonzero(off & (survey.rates[:, 2] > RESIDUAL_KEPT * problem.event_sizes(u)))
+    left, least = survey.rates[:, 2], RESIDUAL_KEPT * float(problem.state_scale.min())
+    with np.errstate(invalid="ignore", over="ignore"):
+        off = (problem.kinds == EVENT_END) & (left > least) & (left <= _FAR * period * np.abs(survey.rates[:, 0]))
+        if not off.any():
+            return survey
+        sizes, moved = problem.event_sizes(u), followed(problem.tol) * period * np.abs(survey.rates[:, 0])
+    places = np.flatnonzero(off & (left > RESIDUAL_KEPT * sizes) & (moved > ON_SURFACE * sizes))
     lows, highs, rates = survey.lows.copy(), survey.highs.copy(), survey.rates.copy()
     _, starts, nodes, _ = problem.dense()
     compiled, p = problem.system.compiled, problem.extended
-    for i in steep.tolist():
+    for i in places.tolist():
         end, mode, event = np.ascontiguousarray(nodes[starts[i + 1] - 1]), int(problem.modes[i]), np.empty(2 + 2 * n)
         field = np.empty(n)
         compiled.call("event_x", int(problem.transitions[i]), 0, end, p, event)
