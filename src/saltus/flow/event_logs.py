@@ -47,6 +47,7 @@ def events_after(
     t_end: float | None = None,
     n_events: int | None = None,
     tolerance: tuple[float, float] = (1e-10, 1e-12),
+    most_steps: int | None = None,
 ) -> EventLog:
     """Return all events of a motion, without its dense output.
 
@@ -60,14 +61,18 @@ def events_after(
         Transitions after which the motion ends early.
     tolerance : (float, float), optional
         Relative and absolute tolerance of a step.
+    most_steps : int, optional
+        Limit of work; as many as it takes by default.
 
     Raises
     ------
     InputError, ChatteringError, DivergenceError
         As `simulate`.
+    StiffnessError
+        The steps are not enough.
     """
     check_tolerances(tolerance)
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, most_steps=most_steps)
     run.follow(*how_long(system, periods, t_end), n_events)
     return event_log(run)
 

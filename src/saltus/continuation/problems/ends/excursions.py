@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["behind", "gone", "moved", "turns_back", "way_back"]
 
 _MOST = 8  # transitions of an excursion
+_STEPS = 200_000  # of a motion that is looked at, at most: as a motion on and off a surface may take without end
 _PUSH = 1e-3  # velocity with which the surface is passed, over its variation with the states' sizes
 _LESS = 1 / 16  # the same of a second motion, over that of the first
 
@@ -97,9 +98,8 @@ def _away(
     period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
     tolerance = FINEST, FINEST * float(problem.state_scale.min())
     try:
-        log = events_after(
-            problem.system, problem.parameters_at(u), start, mode, t_end=period, n_events=_MOST, tolerance=tolerance
-        )
+        p, limits = problem.parameters_at(u), {"n_events": _MOST, "most_steps": _STEPS}
+        log = events_after(problem.system, p, start, mode, t_end=period, tolerance=tolerance, **limits)
     except SaltusError:  # a motion that cannot be followed shows no way back
         return None
     own = np.flatnonzero(log.transition >= 0)
