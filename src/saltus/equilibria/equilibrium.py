@@ -118,11 +118,12 @@ class Equilibrium(AlgebraicSolution):
         sizes = np.full(self.eigenvalues.size, float(np.abs(self.eigenvalues).max(initial=0.0)))
         if float(np.abs(self.eigenvalues).min(initial=np.inf)) >= SEPARATED * sizes.max(initial=0.0):
             return sizes
-        problem = self.problem()
-        A = problem.within(self.state, problem.evaluate(self.state)[1])
+        problem = self.problem(*self.system.parameters)
+        u = np.append(self.state, [self.parameters[name] for name in self.system.parameters])
+        A = problem.within(u, problem.evaluate(u)[1][:, : self.state.size])
         if not np.all(np.isfinite(A)):
             return sizes
-        values, found = sized_eigenvalues(A, lambda: problem.within(self.state, terms_at(problem, self.state)))
+        values, found = sized_eigenvalues(A, lambda: problem.within(u, terms_at(problem, u)))
         return found if values.size == self.eigenvalues.size else sizes
 
     @property

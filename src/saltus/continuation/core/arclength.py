@@ -195,7 +195,7 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
     doubt = new.examined.fault or _returns(before, point, new)
     if doubt is not None:
         return doubt
-    events = events_between(problem, point, new)
+    events = events_between(problem, point, new, before)
     if isinstance(events, str):
         return events
     if h > CROWDED and problem.crowded([event.name for event in events]):

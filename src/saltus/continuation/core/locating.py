@@ -32,9 +32,12 @@ _HALVED = 16  # the same, from which on the bracket is halved
 _FARTHER = 1e3  # how much farther a zero may move than the point at which it was sought
 
 
-def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
-    """Return the zeros of monitor functions between two examined points, or the reason why the step is rejected."""
-    changed = changed_signs(problem, a, b)
+def events_between(problem: ZeroProblem, a: Point, b: Point, before: Point | None = None) -> list[Event] | str:
+    """Return the zeros of monitor functions between two examined points, or the reason why the step is rejected.
+
+    The point `before` the first one tells its signs where these are within their errors.
+    """
+    changed = changed_signs(problem, a, b, before)
     if isinstance(changed, str):
         return changed
     if not changed:

@@ -18,11 +18,14 @@ if TYPE_CHECKING:
 __all__ = ["changed_signs"]
 
 
-def changed_signs(problem: ZeroProblem, a: Point, b: Point) -> dict[Any, tuple[float, float]] | str:
+def changed_signs(
+    problem: ZeroProblem, a: Point, b: Point, before: Point | None = None
+) -> dict[Any, tuple[float, float]] | str:
     """Return the values at both ends of a step of the monitor functions whose sign changes, or why it is too long.
 
     The sign at an end counts where the function is above its error there. A step that ends within the error of a zero
-    is too long. Of a short one the sign at its start is carried on, until the function is above its error again.
+    is too long. Of a short one the sign at its start is carried on, until the function is above its error again. A step
+    may begin on a zero that the step from the point `before` has just not passed: its start has the sign of that point.
     """
     known, changed, carried = a.examined.monitors, {}, set()
     short = b.arc - a.arc <= CROWDED
@@ -34,7 +37,7 @@ def changed_signs(problem: ZeroProblem, a: Point, b: Point) -> dict[Any, tuple[f
                 carried.add(name)
             elif differs:
                 changed[name] = old, value
-        elif differs and _clear(problem, name, old, a):
+        elif differs and (_clear(problem, name, old, a) or _came_clear(problem, name, old, before)):
             if _clear(problem, name, value, b):
                 changed[name] = old, value
             elif short:
@@ -51,6 +54,12 @@ def _clear(problem: Any, name: Any, value: float, point: Point) -> bool:
     """Return whether a monitor function is above its error; one without errors always is."""
     error = problem.error(name, point) if hasattr(problem, "error") else 0.0
     return error == 0.0 or zero(value, error) is Verdict.NO
+
+
+def _came_clear(problem: Any, name: Any, value: float, before: Point | None) -> bool:
+    """Return whether a monitor function had the sign of a value at the point before, and was above its error there."""
+    old = math.nan if before is None else before.examined.monitors.get(name, math.nan)
+    return before is not None and old * value > 0.0 and _clear(problem, name, old, before)
 
 
 def _signed(value: float, other: float) -> float:
