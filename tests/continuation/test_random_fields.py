@@ -185,42 +185,43 @@ def changes_of(a, r, g, there):
     return [change for low, high in pairwise(grid.tolist()) for change in between(low, high)]
 
 
+def species(seed, i):
+    """Return coefficients of a random community, and which of its species are there."""
+    n, rng = 2 + i % 4, np.random.default_rng([seed, 77, 2 + i % 4, i])
+    a, r, g = rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=n)
+    a[np.diag_indices(n)] = rng.uniform(0.7, 2.0, n)
+    return a, r, g, np.flatnonzero(rng.random(n) < 0.6)
+
+
+def branch_of(communities, a, r, g, there, largest):
+    """Return the straight branch of a community, and what it tells: sorted values of mu, each with its change."""
+    n, x = len(r), np.zeros(len(r))
+    p = {f"a{k}_{j}": a[k, j] for k in range(n) for j in range(n)}
+    p |= {f"r{k}": r[k] for k in range(n)} | {f"g{k}": g[k] for k in range(n)}
+    x[there] = np.linalg.solve(a[np.ix_(there, there)], (r + 0.1 * g)[there])
+    rest = saltus.find_equilibrium(communities(n), p, x)
+    branch = saltus.continue_equilibrium(rest, "mu", (-2.0, 2.0), steps=saltus.StepControl(largest=largest))
+    return branch, sorted((q.parameters["mu"], 2 if q.type == "HB" else 1) for q in branch.special_points)
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("largest", guarding([0.1, 0.3], 0.3, campaign=0))
 @pytest.mark.parametrize("seed", guarding([2, 4], 2, campaign=0))
 def test_all_changes_in_communities_of_species_are_found(communities, seed, largest):
     for i in range(48):
-        n, rng = 2 + i % 4, np.random.default_rng([seed, 77, 2 + i % 4, i])
-        a, r, g = rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=n)
-        a[np.diag_indices(n)] = rng.uniform(0.7, 2.0, n)
-        there = np.flatnonzero(rng.random(n) < 0.6)
+        a, r, g, there = species(seed, i)
         if not there.size or np.linalg.cond(a[np.ix_(there, there)]) > 20.0:
             continue
-        p = {f"a{k}_{j}": a[k, j] for k in range(n) for j in range(n)}
-        p |= {f"r{k}": r[k] for k in range(n)} | {f"g{k}": g[k] for k in range(n)}
-        x = np.zeros(n)
-        x[there] = np.linalg.solve(a[np.ix_(there, there)], (r + 0.1 * g)[there])
-        rest = saltus.find_equilibrium(communities(n), p, x)
-        branch = saltus.continue_equilibrium(rest, "mu", (-2.0, 2.0), steps=saltus.StepControl(largest=largest))
-        told = sorted((point.parameters["mu"], 2 if point.type == "HB" else 1) for point in branch.special_points)
+        told = branch_of(communities, a, r, g, there, largest)[1]
         wanted = sorted((mu, change) for change, mu in changes_of(a, r, g, there))
-        assert [change for _, change in told] == [change for _, change in wanted], (n, i)
+        assert [change for _, change in told] == [change for _, change in wanted], (len(r), i)
         np.testing.assert_allclose([mu for mu, _ in told], [mu for mu, _ in wanted], atol=1e-8)
 
 
 def test_a_species_that_passes_its_threshold_keeps_the_size_of_its_growth(communities):
     """A branch point and a Hopf point lie within 0.0003: one step of 0.3 passes both."""
-    n, rng = 5, np.random.default_rng([2, 77, 5, 35])
-    a, r, g = rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=n)
-    a[np.diag_indices(n)] = rng.uniform(0.7, 2.0, n)
-    there = np.flatnonzero(rng.random(n) < 0.6)
-    p = {f"a{k}_{j}": a[k, j] for k in range(n) for j in range(n)}
-    p |= {f"r{k}": r[k] for k in range(n)} | {f"g{k}": g[k] for k in range(n)}
-    x = np.zeros(n)
-    x[there] = np.linalg.solve(a[np.ix_(there, there)], (r + 0.1 * g)[there])
-    rest = saltus.find_equilibrium(communities(n), p, x)
-    branch = saltus.continue_equilibrium(rest, "mu", (-2.0, 2.0), steps=saltus.StepControl(largest=0.3))
-    told = [(point.parameters["mu"], 2 if point.type == "HB" else 1) for point in branch.special_points]
+    a, r, g, there = species(2, 35)
+    branch, told = branch_of(communities, a, r, g, there, 0.3)
     wanted = [(mu, change) for change, mu in changes_of(a, r, g, there)]
     np.testing.assert_allclose(told, wanted, rtol=0.0, atol=1e-9)
     assert branch.audit.passed

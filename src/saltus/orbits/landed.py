@@ -155,12 +155,20 @@ def steeply_met(problem: Equations, u: NDArray[np.float64], rates: NDArray[np.fl
     rates : ndarray, shape (segments,)
         Rates of the event functions at their ends.
     """
-    period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
-    with np.errstate(invalid="ignore", over="ignore"):
-        moved = np.where(problem.kinds == EVENT_END, np.abs(rates) * followed(problem.tol) * period, 0.0)
+    moved = _moved(problem, u, rates)
     if not np.any(moved > float(problem.state_scale.min())):
         return np.empty(0, dtype=np.intp)
     return np.flatnonzero(moved > problem.event_sizes(u))
+
+
+def _moved(problem: Equations, u: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far the flow's error in time moves the event functions; 0 of segments that end without one."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.where(problem.kinds == EVENT_END, np.abs(rates) * followed(problem.tol) * _period(problem, u), 0.0)
+
+
+def _period(problem: Equations, u: NDArray[np.float64]) -> float:
+    return float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
 
 
 def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> Survey:
@@ -170,13 +178,13 @@ def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> S
     residuals there are shares of the period, in units of the largest state; all others stay. The state on the surface
     is taken along the flow, from where the segment ends by the rounding of its duration.
     """
-    period, n = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum()), problem.n
+    period, n = _period(problem, u), problem.n
     left, least = survey.rates[:, 2], RESIDUAL_KEPT * float(problem.state_scale.min())
     with np.errstate(invalid="ignore", over="ignore"):
         off = (problem.kinds == EVENT_END) & (left > least) & (left <= _FAR * period * np.abs(survey.rates[:, 0]))
-        if not off.any():
-            return survey
-        sizes, moved = problem.event_sizes(u), followed(problem.tol) * period * np.abs(survey.rates[:, 0])
+    if not off.any():
+        return survey
+    sizes, moved = problem.event_sizes(u), _moved(problem, u, survey.rates[:, 0])
     places = np.flatnonzero(off & (left > RESIDUAL_KEPT * sizes) & (moved > ON_SURFACE * sizes))
     lows, highs, rates = survey.lows.copy(), survey.highs.copy(), survey.rates.copy()
     _, starts, nodes, _ = problem.dense()

@@ -140,9 +140,7 @@ def on_its_plane(problem: Equations, u: NDArray[np.float64], survey: Survey) -> 
     if not places.size:
         return None
     moved = _without(problem, u, places)
-    wide, rows = problem.size + len(problem.active), (problem.segments, problem.n + 1)
-    there = problem.evaluate(moved[:wide])[0].reshape(rows)[:, places]
-    left = problem.evaluate(u[:wide])[0].reshape(rows)[:, places]
+    there, left = _residual(problem, moved, places), _residual(problem, u, places)
     in_plane = not np.any(there) and zero(left, followed(problem.tol) * sizes[places]) is Verdict.NO
     return moved if in_plane else None
 
@@ -162,9 +160,13 @@ def guess_on_plane(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.flo
     if not places.size:
         return u
     moved = _without(problem, u, places)
+    return u if np.any(_residual(problem, moved, places)) else moved
+
+
+def _residual(problem: Equations, u: NDArray[np.float64], places: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return what is left of the equations of some states, shape (segments, places)."""
     wide = problem.size + len(problem.active)
-    there = problem.evaluate(moved[:wide])[0].reshape(problem.segments, problem.n + 1)[:, places]
-    return u if np.any(there) else moved
+    return problem.evaluate(u[:wide])[0].reshape(problem.segments, problem.n + 1)[:, places]
 
 
 def _small(problem: Equations, survey: Survey) -> tuple[NDArray[np.float64], NDArray[np.intp]]:

@@ -11,7 +11,6 @@ from saltus.scales.doubles import *
 from saltus.scales.flows import *
 from saltus.scales.judgement import *
 from saltus.scales.multipliers import *
-from saltus.scales.others import *
 from saltus.scales.parameters import *
 from saltus.scales.quantities import *
 from saltus.scales.singular import *

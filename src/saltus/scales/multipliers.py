@@ -127,3 +127,9 @@ DOUBLE_AT_START = 1e-6
 
 # Distance from R1, R2 and R3, in the cosine, within which a torus' coefficient is undetermined.
 RESONANT = 1e-4
+
+# Error of a multiplier near the unit circle from which on its place tells nothing: that of the circle's radius.
+LIKE_ONE = 1.0
+
+# Error of the logarithm of a product up to which the product has a digit left, by which a wrong one is seen.
+UNIT_OF_GROWTH = 0.1

@@ -361,16 +361,18 @@ def flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors):
     size = n * (1 + columns)
     length = size + ((1 + columns) if mean else 0)
     rooted = sensitive.rooted and segment.duration > 0.0
-    block = np.empty(14 * length + 2 + (2 + sensitive.n_active) * n + (2 * size + 3 * n + 4 if rooted else 0))
+    block = np.empty(14 * length + 2 + (3 + sensitive.n_active) * n + (2 * size + 3 * n + 4 if rooted else 0))
     slopes, trial, ev = pointer(block, 0), pointer(block, 13 * length), pointer(block, 14 * length)
     forcing = pointer(ev, 2 + 2 * n)  # of the active parameters, n each
-    work = pointer(forcing, sensitive.n_active * n)
+    powers = pointer(forcing, sensitive.n_active * n)
+    work = pointer(powers, n)
     for e in range(length):
         y[e] = 0.0
     for e in range(n):
         y[e] = x0[e]
         y[n + e * columns + e] = 1.0
-    powers, scaled, shares = np.zeros(n), False, numbers_at(segment.functions[SHARES])
+        powers[e] = 0.0
+    scaled, shares = False, numbers_at(segment.functions[SHARES])
     alone = any_alone(n, x0, shares)
     for e in range(length):
         slopes[e] = 0.0  # time stands still at the segment's start
@@ -397,9 +399,9 @@ def flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors):
             y[e] = trial[e]
             slopes[e] = slopes[12 * length + e]
         if largest > VAST or scaled:
-            scaled = rescaled(n, columns, x0, y, slopes, pointer(powers, 0))
+            scaled = rescaled(n, columns, x0, y, slopes, powers)
     if scaled:
-        unscaled(n, columns, y, pointer(powers, 0))
+        unscaled(n, columns, y, powers)
     keep(block)
 
 

@@ -98,8 +98,10 @@ def _away(
     period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
     tolerance = FINEST, FINEST * float(problem.state_scale.min())
     try:
-        p, limits = problem.parameters_at(u), {"n_events": _MOST, "most_steps": _STEPS}
-        log = events_after(problem.system, p, start, mode, t_end=period, tolerance=tolerance, **limits)
+        p = problem.parameters_at(u)
+        log = events_after(
+            problem.system, p, start, mode, t_end=period, n_events=_MOST, tolerance=tolerance, most_steps=_STEPS
+        )
     except SaltusError:  # a motion that cannot be followed shows no way back
         return None
     own = np.flatnonzero(log.transition >= 0)
