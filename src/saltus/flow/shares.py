@@ -38,11 +38,12 @@ def shares_of(compiled: Compiled, p: NDArray[np.float64]) -> NDArray[np.float64]
     p : ndarray
         Parameters, extended or not.
     """
-    shares, kinds = np.ones(compiled.n), compiled.kinds
-    shares[kinds == FACE] = 0.0
+    kinds, own = compiled.kinds, set(compiled.kinds.tolist())
+    shares = np.where(kinds == FACE, 0.0, 1.0)
     for kind, value in ((SUPPLIED, 0.0), (EXPONENTIAL, 1.0)):
-        if not np.any(states := kinds == kind):
+        if kind not in own:
             continue
+        states = kinds == kind
         x, extended = np.where(kinds == PLAIN, 1.0, value), compiled.extended(p[: compiled.n_parameters])
         rates, slope = np.full(compiled.n, -np.inf), np.empty(compiled.n)
         for mode in range(len(compiled.jumps)):
@@ -69,9 +70,8 @@ def small_groups(compiled: Compiled, sizes: NDArray[np.float64], shares: NDArray
     shares : ndarray, shape (all states,)
         Those of `shares_of`.
     """
-    found, free = shares.copy(), (compiled.groups >= 0) & (compiled.kinds == PLAIN)
-    for group in set(compiled.groups[free].tolist()):
-        members = free & (compiled.groups == group)
+    found = shares.copy()
+    for group, members in compiled.plain_groups:
         if 0.0 < sizes[members].max() < _SMALL:
             found[members] = -1.0 - group
     return found

@@ -178,8 +178,10 @@ def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> S
     residuals there are shares of the period, in units of the largest state; all others stay. The state on the surface
     is taken along the flow, from where the segment ends by the rounding of its duration.
     """
-    period, n = _period(problem, u), problem.n
     left, least = survey.rates[:, 2], RESIDUAL_KEPT * float(problem.state_scale.min())
+    if not (left > least).any():
+        return survey
+    period, n = _period(problem, u), problem.n
     with np.errstate(invalid="ignore", over="ignore"):
         off = (problem.kinds == EVENT_END) & (left > least) & (left <= _FAR * period * np.abs(survey.rates[:, 0]))
     if not off.any():

@@ -45,8 +45,8 @@ class KeptTotals:
 
     def __init__(self, system: HybridSystem, totals: NDArray[np.float64] | None = None, freed: int = -1) -> None:
         self._laws, self.totals, self.freed = system.laws, totals, freed
-        self._kept = np.array([k for k in range(len(self._laws)) if k != freed], dtype=np.int64)
-        self._which = np.flatnonzero(np.isin(self._laws.rows, self._kept))
+        self._kept = np.flatnonzero(np.arange(len(self._laws)) != freed)
+        self._which = np.flatnonzero(self._laws.rows != freed)
         self.terms = np.zeros((self._kept.size * self._which.size, 3 + len(system.parameters)))
         self.wanted = np.zeros((self._kept.size, 2))
         self._laid = False
