@@ -43,7 +43,7 @@ def _counts(curve: Any) -> NDArray[np.int64]:
     values = _critical(curve)
     assert values is not None
     if hasattr(curve, "eigenvalues"):
-        errors = NEUTRAL * np.array([_sizes(curve, i, row) for i, row in enumerate(values)])
+        errors = NEUTRAL * _sizes(curve, values)
         growth = values.real
     else:
         moduli = np.abs(values)
@@ -56,13 +56,14 @@ def _counts(curve: Any) -> NDArray[np.int64]:
     return known
 
 
-def _sizes(curve: Any, i: int, values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the sizes of the eigenvalues of one point, in the order in which they are held."""
+def _sizes(curve: Any, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the sizes of the eigenvalues, shape (point, value), in the order in which they are held."""
     moduli = np.abs(values)
-    top = float(moduli.max(initial=0.0))
-    if float(moduli.min(initial=math.inf)) >= SEPARATED * top:
-        return np.full(values.size, top)
-    return np.asarray(curve.solution(i).value_sizes)
+    top = moduli.max(axis=1, initial=0.0)
+    found = np.repeat(top[:, None], values.shape[1], axis=1)
+    for i in np.flatnonzero(moduli.min(axis=1, initial=math.inf) < SEPARATED * top).tolist():
+        found[i] = curve.solution(i).value_sizes
+    return found
 
 
 def unexplained(curve: Any) -> tuple[list[tuple[float, str]], int]:
