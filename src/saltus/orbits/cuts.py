@@ -79,13 +79,29 @@ def _growth(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def stretched(problem: OrbitProblem, J: NDArray[np.float64]) -> bool:
-    """Return whether a smooth orbit has a piece over which sensitivities grow so far that it is to be cut."""
+    """Return whether a smooth orbit has a piece over which sensitivities grow so far that it is to be cut.
+
+    So is a piece, once there are several, over which they shrink so far that their product loses its digits.
+    """
     if problem.signature.kinds[0] not in (PHASE_END, CLOSED_END) or problem.segments >= MOST_PIECES:
         return False
+    if CUT_END in problem.signature.kinds:
+        return float(_need(piece_maps(problem, J)).max()) > STRETCHED
     scale, entries = problem.common_scale, np.abs(J[:, : problem.size])
     if (float(entries.max()) + 1.0) * float(scale.max()) <= STRETCHED * float(scale.min()):
         return False
     return float(_growth(problem, J).max()) > STRETCHED
+
+
+def _need(maps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far each piece is to be cut: its growth, or its contraction where that is as bad."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        growth = np.abs(maps).max(axis=(1, 2))
+    if not np.all(np.isfinite(growth)):
+        return np.asarray(growth)
+    least = np.linalg.svd(maps, compute_uv=False)[:, -1]
+    # what contracts by more than that beside what grows would be lost in the rounding of a piece
+    return np.asarray(np.maximum(growth, TAUT * _SLACK / np.maximum(least, 1e-300)))
 
 
 def cut(
@@ -104,9 +120,7 @@ def cut(
     while problem.segments < MOST_PIECES:
         maps = piece_maps(problem, J)
         check_measured(maps)
-        least = np.linalg.svd(maps, compute_uv=False)[:, -1]
-        # what contracts by more than that beside what grows would be lost in the rounding of a piece
-        growth = np.maximum(np.abs(maps).max(axis=(1, 2)), TAUT * _SLACK / np.maximum(least, 1e-300))
+        growth = _need(maps)
         if not growth.max() > TAUT:
             break
         problem.survey(u)

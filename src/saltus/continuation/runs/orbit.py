@@ -22,8 +22,11 @@ from saltus.continuation.problems.ends.unbounded import (
     grows_at_last,
     grows_for_ever,
     meets_two_fold,
+    perhaps_grows_for_ever,
+    period_of,
     swells_at_last,
     swells_for_ever,
+    told,
     too_stiff,
     vanishes_at_last,
 )
@@ -207,7 +210,7 @@ class OrbitRun(OneParameterRun):
         if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
             return end
         if (grown := grows_at_last(half.points)) is not None:
-            return self._unbounded(half, grown)
+            return self._unbounded(half, grown)[0]
         return f"{self.place(last)}: {self._why(piece, half, reason)}"
 
     def _excursion_ends(self, half: OneSide) -> Going | str | None:
@@ -248,8 +251,10 @@ class OrbitRun(OneParameterRun):
 
     def arrived(self, half: OneSide, piece: OrbitZeroProblem, point: Point) -> str | Going | None:
         """See `Run.arrived`."""
-        if (grown := grows_for_ever(half.points)) is not None:
-            return self._unbounded(half, grown)
+        if (sure := grows_for_ever(half.points)) or perhaps_grows_for_ever(half.points):
+            reason, located = self._unbounded(half, told(period_of(piece, point)))
+            if sure or located:
+                return reason
         if (swollen := swells_for_ever(half.points)) is not None:
             return f"{self.place(point)}: {swollen}"
         if (again := beyond.parted(piece, point, self.equations)) is not None:
@@ -272,18 +277,21 @@ class OrbitRun(OneParameterRun):
             or item
         )
 
-    def _unbounded(self, half: OneSide, grown: str) -> str:
-        """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""
-        reason = self.ends_unbounded(half, grown)
+    def _unbounded(self, half: OneSide, grown: str) -> tuple[str, bool]:
+        """Look for a homoclinic orbit at the end of a branch; return why it ends there, and whether there is one."""
+        reason, located = self.ends_unbounded(half, grown)
         piece, point = half.points[-1]
         if piece.problem.system.phase is None and (met := meeting_ahead(piece, point)) is not None:
-            reason = f"{grown}: {met.told}"
+            reason, located = f"{grown}: {met.told}", True
             orbit, after = self.orbit_of(piece, point), len(half.points) - 1
             half.specials.append(Found("BC", orbit, met.error, after, point.arc, met.end.event, homoclinic=met.end))
-        return f"{self.place(half.points[-1][1])}: {reason}"
+        return f"{self.place(half.points[-1][1])}: {reason}", located
 
-    def ends_unbounded(self, half: OneSide, grown: str) -> str:
-        """Append long cycles and the homoclinic orbit to a branch; return why it ends. `grown` tells of the period."""
+    def ends_unbounded(self, half: OneSide, grown: str) -> tuple[str, bool]:
+        """Append long cycles and the homoclinic orbit to a branch; return why it ends, and whether one is located.
+
+        `grown` tells of the period.
+        """
         return end_unbounded(half, self.interest)
 
     def _shrunk(self, half: OneSide, piece: OrbitZeroProblem, end: Point) -> str:

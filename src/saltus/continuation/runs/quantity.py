@@ -109,9 +109,9 @@ class QuantityRun(OrbitRun):
         """Return a branch point as it was located."""
         return point
 
-    def ends_unbounded(self, half: OneSide, grown: str) -> str:
+    def ends_unbounded(self, half: OneSide, grown: str) -> tuple[str, bool]:
         """Return why a branch along a quantity ends: its homoclinic orbit is not located."""
-        return grown
+        return grown, False
 
     def shrinks(self, branch: OrbitZeroProblem, before: Point, point: Point) -> tuple[OrbitZeroProblem, Point] | None:
         """Return equations and point of the equilibrium a few steps ahead to which orbits shrink, or None."""
