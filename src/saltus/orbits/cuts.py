@@ -32,6 +32,7 @@ __all__ = [
     "check_measured",
     "clustered",
     "cut",
+    "grows_within",
     "held",
     "in_shares",
     "piece_maps",
@@ -46,6 +47,7 @@ _SLACK = 1e-4  # contraction below which a piece is cut again once any is
 _TAME = 3.0  # growth up to which a start is good enough
 _PLACES = 12  # places on an orbit, at equal times, at which it may start
 _FOLLOWED = 1e6  # growth over a piece up to which Newton's method leads from such a guess to the orbit
+_LOOKED = 8  # pieces, at least, in which an orbit is looked at for growth on the way
 MOST_PIECES = 128  # pieces of an orbit, beyond which its equations would be larger than they are worth
 
 
@@ -93,6 +95,26 @@ def stretched(problem: OrbitProblem, J: NDArray[np.float64]) -> bool:
     return float(_growth(problem, J).max()) > STRETCHED
 
 
+def grows_within(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
+    """Return whether sensitivities grow on the way round a smooth orbit in one piece, though not over all of it.
+
+    So they do along a canard that ends in a jump: what grew is forgotten behind the jump, but for its time. The orbit's
+    end then depends on parameters far more than the field does, which is the first, cheap look.
+    """
+    n, count = problem.n, len(problem.active)
+    if problem.signature.kinds not in ((PHASE_END,), (CLOSED_END,)) or not count:
+        return False
+    columns = np.abs(J[:n, problem.size : problem.size + count]) / problem.common_scale[:, None]
+    if not np.all(np.isfinite(columns)) or float(columns.max()) <= STRETCHED:
+        return False
+    finer, moved = cut(problem, u, J, least=_LOOKED)
+    maps, grown, most = piece_maps(finer, finer.evaluate(moved)[1]), np.zeros((0, n, n)), 0.0
+    for matrix in maps:  # products of the pieces up to this one, from each of them
+        grown = np.concatenate([matrix @ grown, matrix[None]])
+        most = max(most, float(np.abs(grown).max()))
+    return most > STRETCHED
+
+
 def _need(maps: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return how far each piece is to be cut: its growth, or its contraction where that is as bad."""
     with np.errstate(invalid="ignore", over="ignore"):
@@ -105,7 +127,7 @@ def _need(maps: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def cut(
-    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], least: int = 1
 ) -> tuple[OrbitProblem, NDArray[np.float64]]:
     """Return the equations and unknowns of a smooth orbit in more pieces, each cut in half while it is too sensitive.
 
@@ -115,12 +137,14 @@ def cut(
         Its equations, meshes made for it.
     J : ndarray, shape (size, size + active)
         Jacobian there.
+    least : int, optional
+        Pieces that there are to be in any case.
     """
     n = problem.n
     while problem.segments < MOST_PIECES:
         maps = piece_maps(problem, J)
         check_measured(maps)
-        growth = _need(maps)
+        growth = _need(maps) if problem.segments >= least else np.full(problem.segments, math.inf)
         if not growth.max() > TAUT:
             break
         problem.survey(u)

@@ -11,7 +11,7 @@ import numpy as np
 from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.phase_plane import transferred
-from saltus.orbits.cuts import cut, started_elsewhere, stretched
+from saltus.orbits.cuts import cut, grows_within, started_elsewhere, stretched
 from saltus.orbits.problem import OrbitProblem
 
 if TYPE_CHECKING:
@@ -44,9 +44,10 @@ def in_more_pieces(
     most : int
         Most pieces.
     """
-    if not stretched(branch.problem, item.J):
+    inside = grows_within(branch.problem, item.u, item.J)
+    if not inside and not stretched(branch.problem, item.J):
         return None
-    elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff else None
+    elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff and not inside else None
     problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
     if len(problem.signature) > most:
         return f"an orbit so unstable that it needs more than {most} pieces"
@@ -81,5 +82,5 @@ def _agreement(problem: OrbitProblem, item: Point, finer: OrbitProblem, point: P
     same[-1] = tangent[-1]
     same = transferred(problem, item.u, same)
     own = np.ones(same.size, dtype=np.bool_)
-    own[n:size : n + 1] = False
+    own[n : size : n + 1] = False
     return float((item.weights * item.tangent)[own] @ same[own])

@@ -56,20 +56,20 @@ LONGEST = 1e3  # ratio of the period to that of the first point at which a branc
 _LATE = 1.5  # ratio by which the period of an orbit in pieces must grow while the parameter rests
 
 
-def grows_at_last(points: list[Row]) -> str | None:
-    """Return the reason, after a failed step, that the period grows without bound; None if it does not.
+def grows_at_last(points: list[Row]) -> bool:
+    """Return whether, after a failed step, the period seems to grow without bound.
 
     Over the last four points the period grew, and at the last step the parameter hardly moved.
     """
     if len(points) < 4:
-        return None
+        return False
     periods = [period_of(*row) for row in points]
     before, last = periods[-2:]
     values = [point.parameter for _, point in points]
     moved = abs(values[-1] - values[-2])
     growing = periods[-4] < periods[-3] < before < last and last > PERIOD_GROWN * min(periods)
     rests = growing and moved < RESTS_WHILE_LONGER * (last / before - 1.0)
-    return told(last) if rests and not levels_off(np.array(values), np.array(periods)) else None
+    return rests and not levels_off(np.array(values), np.array(periods))
 
 
 def levels_off(values: NDArray[np.float64], periods: NDArray[np.float64]) -> bool:
