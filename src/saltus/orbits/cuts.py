@@ -29,6 +29,7 @@ __all__ = [
     "MOST_PIECES",
     "STRETCHED",
     "TAUT",
+    "across_flow",
     "check_measured",
     "clustered",
     "cut",
@@ -36,6 +37,7 @@ __all__ = [
     "held",
     "in_shares",
     "piece_maps",
+    "reflector",
     "started_elsewhere",
     "stretched",
     "whole",
@@ -107,12 +109,38 @@ def grows_within(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.fl
     columns = np.abs(J[:n, problem.size : problem.size + count]) / problem.common_scale[:, None]
     if not np.all(np.isfinite(columns)) or float(columns.max()) <= STRETCHED:
         return False
-    finer, moved = cut(problem, u, J, least=_LOOKED)
-    maps, grown, most = piece_maps(finer, finer.evaluate(moved)[1]), np.zeros((0, n, n)), 0.0
+    try:
+        finer, moved = cut(problem, u, J, least=_LOOKED)
+    except ConvergenceError:  # beyond all numbers: there are no pieces in which to go on
+        return False
+    maps = across_flow(finer, moved, piece_maps(finer, finer.evaluate(moved)[1]))
+    grown, most = maps[:0], 0.0
     for matrix in maps:  # products of the pieces up to this one, from each of them
         grown = np.concatenate([matrix @ grown, matrix[None]])
         most = max(most, float(np.abs(grown).max()))
     return most > STRETCHED
+
+
+def across_flow(problem: OrbitProblem, u: NDArray[np.float64], maps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivatives of pieces across the flow, shape (pieces, n - 1, n - 1); of forced orbits at fixed phases.
+
+    Along the flow sensitivities grow as it becomes faster, which is no instability.
+    """
+    if problem.system.phase is not None:
+        return maps[:, :-1, :-1]
+    turns = [reflector(flow / problem.common_scale) for flow in problem.flows_at_starts(u)]
+    turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
+    return np.array(turned)[:, 1:, 1:]
+
+
+def reflector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the reflection that turns a vector onto the first axis; the zero vector is left as it is."""
+    length = float(np.linalg.norm(vector))
+    if not 0.0 < length < math.inf:
+        return np.eye(vector.size)
+    v = vector / length
+    v[0] += 1.0 if v[0] >= 0.0 else -1.0
+    return np.asarray(np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v))
 
 
 def _need(maps: NDArray[np.float64]) -> NDArray[np.float64]:
