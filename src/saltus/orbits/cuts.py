@@ -29,12 +29,15 @@ __all__ = [
     "MOST_PIECES",
     "STRETCHED",
     "TAUT",
+    "across_flow",
     "check_measured",
     "clustered",
     "cut",
+    "grows_within",
     "held",
     "in_shares",
     "piece_maps",
+    "reflector",
     "started_elsewhere",
     "stretched",
     "whole",
@@ -46,6 +49,7 @@ _SLACK = 1e-4  # contraction below which a piece is cut again once any is
 _TAME = 3.0  # growth up to which a start is good enough
 _PLACES = 12  # places on an orbit, at equal times, at which it may start
 _FOLLOWED = 1e6  # growth over a piece up to which Newton's method leads from such a guess to the orbit
+_LOOKED = 8  # pieces, at least, in which an orbit is looked at for growth on the way
 MOST_PIECES = 128  # pieces of an orbit, beyond which its equations would be larger than they are worth
 
 
@@ -79,17 +83,79 @@ def _growth(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def stretched(problem: OrbitProblem, J: NDArray[np.float64]) -> bool:
-    """Return whether a smooth orbit has a piece over which sensitivities grow so far that it is to be cut."""
+    """Return whether a smooth orbit has a piece over which sensitivities grow so far that it is to be cut.
+
+    So is a piece, once there are several, over which they shrink so far that their product loses its digits.
+    """
     if problem.signature.kinds[0] not in (PHASE_END, CLOSED_END) or problem.segments >= MOST_PIECES:
         return False
+    if CUT_END in problem.signature.kinds:
+        return float(_need(piece_maps(problem, J)).max()) > STRETCHED
     scale, entries = problem.common_scale, np.abs(J[:, : problem.size])
     if (float(entries.max()) + 1.0) * float(scale.max()) <= STRETCHED * float(scale.min()):
         return False
     return float(_growth(problem, J).max()) > STRETCHED
 
 
+def grows_within(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
+    """Return whether sensitivities grow on the way round a smooth orbit in one piece, though not over all of it.
+
+    So they do along a canard that ends in a jump: what grew is forgotten behind the jump, but for its time. The orbit's
+    end then depends on parameters far more than the field does, which is the first, cheap look.
+    """
+    n, count = problem.n, len(problem.active)
+    if problem.signature.kinds not in ((PHASE_END,), (CLOSED_END,)) or not count:
+        return False
+    columns = np.abs(J[:n, problem.size : problem.size + count]) / problem.common_scale[:, None]
+    if not np.all(np.isfinite(columns)) or float(columns.max()) <= STRETCHED:
+        return False
+    try:
+        finer, moved = cut(problem, u, J, least=_LOOKED)
+    except ConvergenceError:  # beyond all numbers: there are no pieces in which to go on
+        return False
+    maps = across_flow(finer, moved, piece_maps(finer, finer.evaluate(moved)[1]))
+    grown, most = maps[:0], 0.0
+    for matrix in maps:  # products of the pieces up to this one, from each of them
+        grown = np.concatenate([matrix @ grown, matrix[None]])
+        most = max(most, float(np.abs(grown).max()))
+    return most > STRETCHED
+
+
+def across_flow(problem: OrbitProblem, u: NDArray[np.float64], maps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivatives of pieces across the flow, shape (pieces, n - 1, n - 1); of forced orbits at fixed phases.
+
+    Along the flow sensitivities grow as it becomes faster, which is no instability.
+    """
+    if problem.system.phase is not None:
+        return maps[:, :-1, :-1]
+    turns = [reflector(flow / problem.common_scale) for flow in problem.flows_at_starts(u)]
+    turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
+    return np.array(turned)[:, 1:, 1:]
+
+
+def reflector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the reflection that turns a vector onto the first axis; the zero vector is left as it is."""
+    length = float(np.linalg.norm(vector))
+    if not 0.0 < length < math.inf:
+        return np.eye(vector.size)
+    v = vector / length
+    v[0] += 1.0 if v[0] >= 0.0 else -1.0
+    return np.asarray(np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v))
+
+
+def _need(maps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far each piece is to be cut: its growth, or its contraction where that is as bad."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        growth = np.abs(maps).max(axis=(1, 2))
+    if not np.all(np.isfinite(growth)):
+        return np.asarray(growth)
+    least = np.linalg.svd(maps, compute_uv=False)[:, -1]
+    # what contracts by more than that beside what grows would be lost in the rounding of a piece
+    return np.asarray(np.maximum(growth, TAUT * _SLACK / np.maximum(least, 1e-300)))
+
+
 def cut(
-    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], least: int = 1
 ) -> tuple[OrbitProblem, NDArray[np.float64]]:
     """Return the equations and unknowns of a smooth orbit in more pieces, each cut in half while it is too sensitive.
 
@@ -99,14 +165,14 @@ def cut(
         Its equations, meshes made for it.
     J : ndarray, shape (size, size + active)
         Jacobian there.
+    least : int, optional
+        Pieces that there are to be in any case.
     """
     n = problem.n
     while problem.segments < MOST_PIECES:
         maps = piece_maps(problem, J)
         check_measured(maps)
-        least = np.linalg.svd(maps, compute_uv=False)[:, -1]
-        # what contracts by more than that beside what grows would be lost in the rounding of a piece
-        growth = np.maximum(np.abs(maps).max(axis=(1, 2)), TAUT * _SLACK / np.maximum(least, 1e-300))
+        growth = _need(maps) if problem.segments >= least else np.full(problem.segments, math.inf)
         if not growth.max() > TAUT:
             break
         problem.survey(u)

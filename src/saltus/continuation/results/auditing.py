@@ -18,7 +18,7 @@ from saltus.continuation.results.audit import Audit, Breach
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.liouville import liouville
 from saltus.continuation.results.locus_ledger import holds, other_values, signs_of_coefficient
-from saltus.continuation.results.stability_ledger import contradicted_labels, critical_rows, unexplained
+from saltus.continuation.results.stability_ledger import contradicted_labels, critical_rows, neutral_rows, unexplained
 from saltus.errors import SaltusError
 from saltus.scales import EPS, LOCATED, ON_LINE, Verdict, followed, same, zero
 
@@ -125,17 +125,20 @@ def _told(seen: _Seen, place: float) -> str:
 
 
 def _families(seen: _Seen) -> list[str]:
-    """Return where the parameter of a branch rests within its error while solutions differ."""
+    """Return where the parameter of a branch rests within its error while solutions differ, and one value is critical.
+
+    Along a canard, and next to a homoclinic orbit, the parameter rests as well, but no multiplier stays at 1.
+    """
     if seen.values.shape[1] > 1 or getattr(seen.curve, "fixed", None) is not None:
         return []
     rests = np.abs(np.diff(seen.values[:, 0])) <= seen.rounding[0]
     differ = np.abs(np.diff(seen.quantities, axis=0)).max(axis=1, initial=0.0) > LOCATED
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rests & differ, [0]])))
-    name = seen.curve.varied[0]
+    name, neutral = seen.curve.varied[0], neutral_rows(seen.curve)
     return [
         f"points {i} to {j}: {name} rests at {seen.values[i, 0]:.9g} within its error, as along a family of solutions"
         for i, j in edges.reshape(-1, 2).tolist()
-        if j - i >= _ROW
+        if j - i >= _ROW and np.all(neutral[i : j + 1])
     ]
 
 

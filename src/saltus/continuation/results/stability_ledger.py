@@ -19,7 +19,7 @@ from saltus.scales import EPS, LIKE_ONE, LOCATED, SEPARATED, SOLVED, critical_er
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["contradicted_labels", "critical_rows", "unexplained"]
+__all__ = ["contradicted_labels", "critical_rows", "neutral_rows", "unexplained"]
 
 _SINGLE = ("SN", "PD")  # types at which one direction begins to grow or to shrink
 _PAIRED = ("TR", "HB")  # types at which two do
@@ -108,6 +108,19 @@ def critical_rows(curve: Any) -> NDArray[np.bool_]:
     counts = _counts(curve)
     width = counts[:, 1] - counts[:, 0]
     return np.asarray(width > width.min())
+
+
+def neutral_rows(curve: Any) -> NDArray[np.bool_]:
+    """Return where a multiplier of a branch may be 1, or an eigenvalue 0, within its error, shape (point,)."""
+    values = _critical(curve)
+    if values is None or not values.size:
+        return np.ones(len(curve), dtype=np.bool_)
+    moduli = np.abs(values)
+    if hasattr(curve, "eigenvalues"):
+        return np.asarray(np.any(moduli <= NEUTRAL * moduli.max(axis=1, keepdims=True), axis=1))
+    error = critical_error(getattr(curve, "tolerance", SOLVED))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(~np.all(np.abs(values - 1.0) > error * np.maximum(moduli, 1.0), axis=1))
 
 
 def _wide(point: Any) -> int:

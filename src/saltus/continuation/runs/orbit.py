@@ -22,8 +22,11 @@ from saltus.continuation.problems.ends.unbounded import (
     grows_at_last,
     grows_for_ever,
     meets_two_fold,
+    perhaps_grows_for_ever,
+    period_of,
     swells_at_last,
     swells_for_ever,
+    told,
     too_stiff,
     vanishes_at_last,
 )
@@ -206,16 +209,16 @@ class OrbitRun(OneParameterRun):
         slowed = grazing_ahead(half.points)
         if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
             return end
-        if (grown := grows_at_last(half.points)) is not None:
-            return self._unbounded(half, grown)
+        if grows_at_last(half.points):
+            told_of, located = self._unbounded(half)
+            return told_of if located else f"{told_of}; {reason}"
         return f"{self.place(last)}: {self._why(piece, half, reason)}"
 
     def _excursion_ends(self, half: OneSide) -> Going | str | None:
         """Keep the AS at which an excursion from sliding vanishes, and return what goes on there; None without one."""
         if not half.points or self.control.at_grazing == "pass":
             return None
-        ahead = adding_sliding_ahead(half.points, self.equations)
-        if ahead is None:
+        if (ahead := adding_sliding_ahead(half.points, self.equations)) is None:
             return None
         fresh, event, later = ahead
         arc = half.points[-1][1].arc
@@ -248,8 +251,9 @@ class OrbitRun(OneParameterRun):
 
     def arrived(self, half: OneSide, piece: OrbitZeroProblem, point: Point) -> str | Going | None:
         """See `Run.arrived`."""
-        if (grown := grows_for_ever(half.points)) is not None:
-            return self._unbounded(half, grown)
+        sure = grows_for_ever(half.points)
+        if (sure or perhaps_grows_for_ever(half.points)) and ((end := self._unbounded(half))[1] or sure):
+            return end[0]
         if (swollen := swells_for_ever(half.points)) is not None:
             return f"{self.place(point)}: {swollen}"
         if (again := beyond.parted(piece, point, self.equations)) is not None:
@@ -263,27 +267,21 @@ class OrbitRun(OneParameterRun):
 
     def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:
         """Return why no step succeeds behind the last point; `item` if nothing better is known."""
-        points = half.points
-        return (
-            meets_two_fold(points)
-            or too_stiff(branch.problem)
-            or swells_at_last(points)
-            or vanishes_at_last(points)
-            or item
-        )
+        told_of = meets_two_fold(half.points) or too_stiff(branch.problem) or swells_at_last(half.points)
+        return told_of or vanishes_at_last(half.points) or item
 
-    def _unbounded(self, half: OneSide, grown: str) -> str:
-        """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""
-        reason = self.ends_unbounded(half, grown)
+    def _unbounded(self, half: OneSide) -> tuple[str, bool]:
+        """Look for a homoclinic orbit at the end of a branch; return why it ends there, and whether there is one."""
+        reason, located = self.ends_unbounded(half)
         piece, point = half.points[-1]
         if piece.problem.system.phase is None and (met := meeting_ahead(piece, point)) is not None:
-            reason = f"{grown}: {met.told}"
-            orbit, after = self.orbit_of(piece, point), len(half.points) - 1
-            half.specials.append(Found("BC", orbit, met.error, after, point.arc, met.end.event, homoclinic=met.end))
-        return f"{self.place(half.points[-1][1])}: {reason}"
+            reason, located, after = f"{told(period_of(piece, point))}: {met.told}", True, len(half.points) - 1
+            orbit, end = self.orbit_of(piece, point), met.end
+            half.specials.append(Found("BC", orbit, met.error, after, point.arc, end.event, homoclinic=end))
+        return f"{self.place(half.points[-1][1])}: {reason}", located
 
-    def ends_unbounded(self, half: OneSide, grown: str) -> str:
-        """Append long cycles and the homoclinic orbit to a branch; return why it ends. `grown` tells of the period."""
+    def ends_unbounded(self, half: OneSide) -> tuple[str, bool]:
+        """Append long cycles and the homoclinic orbit to a branch; return why it ends, and whether one is located."""
         return end_unbounded(half, self.interest)
 
     def _shrunk(self, half: OneSide, piece: OrbitZeroProblem, end: Point) -> str:

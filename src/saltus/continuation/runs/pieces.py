@@ -11,7 +11,7 @@ import numpy as np
 from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.phase_plane import transferred
-from saltus.orbits.cuts import cut, started_elsewhere, stretched
+from saltus.orbits.cuts import cut, grows_within, started_elsewhere, stretched
 from saltus.orbits.problem import OrbitProblem
 
 if TYPE_CHECKING:
@@ -44,9 +44,10 @@ def in_more_pieces(
     most : int
         Most pieces.
     """
-    if not stretched(branch.problem, item.J):
+    inside = grows_within(branch.problem, item.u, item.J)
+    if not inside and not stretched(branch.problem, item.J):
         return None
-    elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff else None
+    elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff and not inside else None
     problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
     if len(problem.signature) > most:
         return f"an orbit so unstable that it needs more than {most} pieces"
@@ -55,25 +56,31 @@ def in_more_pieces(
         point = start_point(finer, u)
     except ValueError:
         return None
-    sense = math.copysign(1.0, _agreement(branch.problem, item, point.tangent, moved=elsewhere is not None))
+    sense = math.copysign(1.0, _agreement(branch.problem, item, problem, point, moved=elsewhere is not None))
     point = replace(point, tangent=sense * point.tangent, sign=sense * point.sign, arc=item.arc)
     point.examined = finer.examine(point, None)
     return finer, point
 
 
-def _agreement(problem: OrbitProblem, item: Point, tangent: NDArray[np.float64], *, moved: bool) -> float:
+def _agreement(problem: OrbitProblem, item: Point, finer: OrbitProblem, point: Point, *, moved: bool) -> float:
     """Return the product of a point's tangent with that of its orbit in more pieces: positive in one direction.
 
-    The first piece starts at the old place, perhaps in another phase plane. Where it is `moved` along the orbit, period
-    and parameter are compared, which no start changes.
+    All old pieces start where some of the new ones do, perhaps in another phase plane. Along a canard the orbit may
+    change at one of them alone. Where the first start is `moved` along the orbit, period and parameter are compared,
+    which no start changes.
     """
-    n, size = problem.n, problem.size
+    n, size, tangent = problem.n, problem.size, point.tangent
+    durations, parts = item.u[n : size : n + 1], point.u[n : finer.size : n + 1]
     if moved:
-        period = float(item.u[n : size : n + 1].sum())
+        period = float(durations.sum())
         slopes = [float(along[n : -1 : n + 1].sum()) / period for along in (item.tangent, tangent)]
         return slopes[0] * slopes[1] + float(item.tangent[-1] * tangent[-1])
+    begins = np.cumsum(parts) - parts
+    at = [int(np.argmin(np.abs(begins - begin))) for begin in np.cumsum(durations) - durations]
     same = item.tangent.copy()
-    same[:n], same[-1] = tangent[:n], tangent[-1]
+    same[:size].reshape(-1, n + 1)[:, :n] = tangent[: finer.size].reshape(-1, n + 1)[at, :n]
+    same[-1] = tangent[-1]
     same = transferred(problem, item.u, same)
-    own = np.append(np.arange(n), -1)
-    return float((item.weights[own] * item.tangent[own]) @ same[own])
+    own = np.ones(same.size, dtype=np.bool_)
+    own[n : size : n + 1] = False
+    return float((item.weights * item.tangent)[own] @ same[own])

@@ -11,6 +11,7 @@ import numpy as np
 from saltus.continuation.core.interest import Interest
 from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.ends.shrinking import at_rest, centre_ahead
+from saltus.continuation.problems.ends.unbounded import period_of, told
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.quantity import QuantityZeroProblem
 from saltus.continuation.runs.one_parameter import branch_run
@@ -109,9 +110,9 @@ class QuantityRun(OrbitRun):
         """Return a branch point as it was located."""
         return point
 
-    def ends_unbounded(self, half: OneSide, grown: str) -> str:
+    def ends_unbounded(self, half: OneSide) -> tuple[str, bool]:
         """Return why a branch along a quantity ends: its homoclinic orbit is not located."""
-        return grown
+        return told(period_of(*half.points[-1])), False
 
     def shrinks(self, branch: OrbitZeroProblem, before: Point, point: Point) -> tuple[OrbitZeroProblem, Point] | None:
         """Return equations and point of the equilibrium a few steps ahead to which orbits shrink, or None."""

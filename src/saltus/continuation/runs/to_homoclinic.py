@@ -20,8 +20,10 @@ if TYPE_CHECKING:
 __all__ = ["end_unbounded"]
 
 
-def end_unbounded(half: OneSide, interest: Interest) -> str:
-    """Append the long cycles at the end of a branch, and its point HOM or SNIC; return why the branch ends.
+def end_unbounded(half: OneSide, interest: Interest) -> tuple[str, bool]:
+    """Append the long cycles at the end of a branch, and its point HOM or SNIC.
+
+    Return why the branch ends, and whether there is such a point.
 
     Parameters
     ----------
@@ -33,9 +35,9 @@ def end_unbounded(half: OneSide, interest: Interest) -> str:
     period = period_of(*half.points[-1])
     found = located(half.points, interest.low, interest.high)
     if found == NONE_NEAR:
-        return f"the period grows while the parameter rests (T = {period:.6g}); {found}, as on a canard"
+        return f"the period grows while the parameter rests (T = {period:.6g}); {found}, as on a canard", False
     if isinstance(found, str):
-        return f"{told(period)}; no homoclinic orbit is located: {found}"
+        return f"{told(period)}; no homoclinic orbit is located: {found}", False
     failed = ""
     if found.arc is not None:
         longest = LONGEST * period_of(*half.points[0])
@@ -45,9 +47,9 @@ def end_unbounded(half: OneSide, interest: Interest) -> str:
             else:
                 half.points.append(item)
         if failed and period_of(*half.points[-1]) == period:
-            return f"{told(period)}; no homoclinic orbit is located: {failed}"
+            return f"{told(period)}; no homoclinic orbit is located: {failed}", False
     piece, point = half.points[-1]
     data = point.examined.data
     orbit = orbit_at(piece.problem, point.u, point.J, data.survey, data.multipliers)
     half.specials.append(Found(found.type, orbit, found.error, len(half.points) - 1, point.arc, homoclinic=found.end))
-    return told(period_of(piece, point)) + (f"; {failed}" if failed else "")
+    return told(period_of(piece, point)) + (f"; {failed}" if failed else ""), True

@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus import scales
 from saltus.orbits.coincidences import at_one_instant, chains, commute, orders, shortest_is_brief
-from saltus.orbits.cuts import piece_maps
+from saltus.orbits.cuts import piece_maps, reflector
 from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END
 from saltus.system.integrals.laws import Leaf
 
@@ -230,7 +230,7 @@ def _of_pieces(
         for flow, mode, row in zip(flows, problem.modes, u[: problem.size].reshape(len(flows), -1), strict=True):
             x = np.ascontiguousarray(row[: problem.n])
             problem.system.compiled.call("field", int(mode), 0, x, problem.extended, flow)
-    turns = [_reflector((flow / problem.state_scale)[left]) for flow in flows]
+    turns = [reflector((flow / problem.state_scale)[left]) for flow in flows]
     turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
     values = _of_product(np.array(turned)[:, 1:, 1:])
     if values[-1].imag == 0.0 and abs(values[-1]) < 1.0:
@@ -275,23 +275,13 @@ def _scaled(value: float, exponent: int) -> float:
         return math.copysign(math.inf, value)
 
 
-def _reflector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the reflection that turns a vector onto the first axis; the zero vector is left as it is."""
-    length = float(np.linalg.norm(vector))
-    if not 0.0 < length < math.inf:
-        return np.eye(vector.size)
-    v = vector / length
-    v[0] += 1.0 if v[0] >= 0.0 else -1.0
-    return np.asarray(np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v))
-
-
 def _quotient(P: NDArray[np.float64], flow: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the derivative of the return to the plane across the flow.
 
     What leaves the plane comes back along the flow's image: an orbit closes up to rounding, which the matrix's norm
     would magnify where the image is taken to be the flow itself.
     """
-    turn = _reflector(flow)
+    turn = reflector(flow)
     turned = turn @ P @ turn
     along, leaving = turned[0, 0], turned[1:, 0]
     if abs(along - 1.0) > scales.REVERSED:

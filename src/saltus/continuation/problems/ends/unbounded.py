@@ -40,6 +40,7 @@ __all__ = [
     "grows_for_ever",
     "levels_off",
     "meets_two_fold",
+    "perhaps_grows_for_ever",
     "period_of",
     "swells_at_last",
     "swells_for_ever",
@@ -55,20 +56,20 @@ LONGEST = 1e3  # ratio of the period to that of the first point at which a branc
 _LATE = 1.5  # ratio by which the period of an orbit in pieces must grow while the parameter rests
 
 
-def grows_at_last(points: list[Row]) -> str | None:
-    """Return the reason, after a failed step, that the period grows without bound; None if it does not.
+def grows_at_last(points: list[Row]) -> bool:
+    """Return whether, after a failed step, the period seems to grow without bound.
 
     Over the last four points the period grew, and at the last step the parameter hardly moved.
     """
     if len(points) < 4:
-        return None
+        return False
     periods = [period_of(*row) for row in points]
     before, last = periods[-2:]
     values = [point.parameter for _, point in points]
     moved = abs(values[-1] - values[-2])
     growing = periods[-4] < periods[-3] < before < last and last > PERIOD_GROWN * min(periods)
     rests = growing and moved < RESTS_WHILE_LONGER * (last / before - 1.0)
-    return told(last) if rests and not levels_off(np.array(values), np.array(periods)) else None
+    return rests and not levels_off(np.array(values), np.array(periods))
 
 
 def levels_off(values: NDArray[np.float64], periods: NDArray[np.float64]) -> bool:
@@ -174,26 +175,40 @@ def vanishes_at_last(points: list[Row]) -> str | None:
     return f"the cycle shrinks to nothing (T = {sizes[-1, -1]:.3g})"
 
 
-def grows_for_ever(points: list[Row]) -> str | None:
-    """Return the reason, after a successful step, that the period grows without bound; None if it does not.
+def grows_for_ever(points: list[Row]) -> bool:
+    """Return whether, after a successful step, the period grows without bound for sure.
 
-    The period is a thousand times the first one, and grew by half while the parameter rested. Or it alone grew, or by
-    half while the parameter rested more and the orbit was in pieces. All happen next to a homoclinic orbit.
+    It alone grew, all else stood still. Or it is a thousand times the first one, and grew by half while the parameter
+    rested.
     """
     branch, last = points[-1]
-    period = period_of(branch, last)
     if _only_the_period_grows(points):
-        return told(period)
+        return True
+    period = period_of(branch, last)
     long = len(points) > 1 and period > LONGEST * period_of(*points[0]) and period > period_of(*points[-2])
-    if not (long or CUT_END in branch.problem.signature.kinds):
-        return None
-    values = [point.parameter for _, point in points]
+    return long and _rests_while_longer(points, RESTS_WHILE_LONGER)
+
+
+def perhaps_grows_for_ever(points: list[Row]) -> bool:
+    """Return whether, after a successful step, a homoclinic orbit may be near, where it has not been looked for yet.
+
+    The orbit is in pieces, and its period grew by half while the parameter rested. So it does along a canard. A look
+    that finds nothing is made again where the period has grown by half again.
+    """
+    if len(points) < 2 or CUT_END not in points[-1][0].problem.signature.kinds:
+        return False
+    if not _rests_while_longer(points, RESTS_IN_PIECES):
+        return False
+    first, before, last = (math.log(period_of(*row)) for row in (points[0], points[-2], points[-1]))
+    halves = [math.floor((value - first) / math.log(_LATE)) for value in (before, last)]
+    return halves[0] < halves[1] or not _rests_while_longer(points[:-1], RESTS_IN_PIECES)
+
+
+def _rests_while_longer(points: list[Row], share: float) -> bool:
+    """Return whether the parameter moved by no more than a share of its range while the period grew by half."""
+    period, values = period_of(*points[-1]), [point.parameter for _, point in points]
     late = [point.parameter for piece, point in points if period_of(piece, point) * _LATE > period]
-    if len(late) == len(points) or max(late) - min(late) > (RESTS_WHILE_LONGER if long else RESTS_IN_PIECES) * (
-        max(values) - min(values)
-    ):
-        return None
-    return told(period)
+    return len(late) < len(points) and max(late) - min(late) <= share * (max(values) - min(values))
 
 
 def _only_the_period_grows(points: list[Row]) -> bool:
