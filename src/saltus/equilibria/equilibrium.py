@@ -293,6 +293,8 @@ def faults_of(problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArra
     mode = system.mode_names[problem.mode]
     if (value := problem.guard(problem.mode, u)) <= 0.0:
         reasons.append(f"{system.modes[mode].domain} is {value:.6g}, not positive as in the domain of {mode}")
+    if told := problem.negative_root(u, sizes):
+        reasons.append(told)
     for k in problem.ways_out:
         transition = system.transitions[k]
         height, gradient = problem.event(k, u)
