@@ -31,7 +31,7 @@ from saltus.orbits.winding import winding_of
 from saltus.result import frozen
 from saltus.solution import Solution
 from saltus.system import HybridSystem
-from saltus.system.plain import held_parameters, held_system
+from saltus.system.plain import expect_values, held_parameters, held_system
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -393,7 +393,7 @@ class PeriodicOrbit(Solution):
         held.names("state", system.all_states)
         held.names("own_state", system.states)
         held.names("quantity", (*system.all_states, *system.output_names))
-        held.expect(multiplier=system.freedom)
+        expect_values(held, system, "multiplier", 1.0)
         durations = held.array("segment_duration", ("segment",))
         if not float(durations.sum()) > 0.0:
             raise InputError("segment_duration", durations.tolist(), "durations of a positive sum, the period")
