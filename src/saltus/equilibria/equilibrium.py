@@ -18,7 +18,7 @@ from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of, multiplici
 from saltus.result import frozen
 from saltus.scales import SEPARATED
 from saltus.system import HybridSystem
-from saltus.system.plain import held_parameters, held_system
+from saltus.system.plain import expect_values, held_parameters, held_system
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -251,7 +251,7 @@ class Equilibrium(AlgebraicSolution):
     def _read(cls, held: Contents) -> Self:
         system = held_system(held)
         held.names("state", system.states)
-        held.expect(eigenvalue=system.freedom)
+        expect_values(held, system, "eigenvalue", 0.0)
         mode = held.text("mode")
         system.mode_index(mode)
         parts = (held.array(f"eigenvalue_{part}", ("eigenvalue",)) for part in ("re", "im"))
@@ -293,6 +293,8 @@ def faults_of(problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArra
     mode = system.mode_names[problem.mode]
     if (value := problem.guard(problem.mode, u)) <= 0.0:
         reasons.append(f"{system.modes[mode].domain} is {value:.6g}, not positive as in the domain of {mode}")
+    if told := problem.negative_root(u, sizes):
+        reasons.append(told)
     for k in problem.ways_out:
         transition = system.transitions[k]
         height, gradient = problem.event(k, u)

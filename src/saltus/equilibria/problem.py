@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import InputError
+from saltus.flow.starting import negative_root
+from saltus.scales import NEWTON_AT_ROUNDING
 from saltus.system.integrals.laws import Leaf
 
 if TYPE_CHECKING:
@@ -173,6 +175,11 @@ class EquilibriumProblem:
         p = self.compiled.extended(self.parameters_at(u))
         self.compiled.call("guard", index, 0, np.ascontiguousarray(u[: self.n]), p, out)
         return float(out[0])
+
+    def negative_root(self, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> str:
+        """Return in words which root of the field has a negative argument, beyond the errors of the states, if any."""
+        errors = NEWTON_AT_ROUNDING * sizes
+        return negative_root(self.system, self.mode, u[: self.n], self.parameters_at(u), errors)
 
     def reset(self, transition: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns behind the reset of a transition."""

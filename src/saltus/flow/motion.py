@@ -11,7 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
 from saltus.flow.shares import limit_of, shares_of, small_groups, with_shares
-from saltus.flow.starting import phase_rate
+from saltus.flow.starting import phase_rate, told_root
 from saltus.flow.sticking import sticking_surface
 from saltus.flow.stiffness import fastest_in_words, may_be_implicit, worth
 from saltus.flow.transition_rows import clocks, opposites
@@ -148,7 +148,7 @@ class EventDrivenMotion:
             kernels.Tolerances(self.rtol, self.atol, self.limit, *self._ways),
             kernels.State(
                 self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
-                self.first_steps, self._guess, self.n_touched, self.touched,
+                self.first_steps, self._guess, self.n_touched, self.touched, np.zeros(n),
             ),
             kernels.Steps(len(self.step_buffers[0]), *self.step_buffers),
             kernels.Events(len(self.event_buffers[0]), *self.event_buffers),
@@ -369,6 +369,8 @@ class EventDrivenMotion:
         if status == kernels.LEFT_DOMAIN and left.surface is not None:
             where = f"where motions leave the surface {left.surface} = 0 to either side: there is no single way on"
             return DivergenceError(t, self.x, mode, f"it comes to a two-fold, {where}")
+        if status == kernels.NEGATIVE_ROOT:
+            return DivergenceError(t, self.x, mode, told_root(self.system, self.mode, self.x, self.p))
         nowhere = "no motion goes on in this mode"
         reason = {
             kernels.UNBOUNDED: f"a state passes {self.limit:.3g}",

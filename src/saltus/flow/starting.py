@@ -1,4 +1,4 @@
-"""The mode in which a motion starts: those that a state allows, starts and rates of the phase that are refused."""
+"""What a state allows: the mode in which a motion starts, rates of the phase, and roots that have no value there."""
 
 from __future__ import annotations
 
@@ -7,18 +7,32 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+import sympy
 
 from saltus.errors import InputError
+from saltus.scales import EPS
 from saltus.system.evaluate import evaluate
+from saltus.system.expressions import parse
 from saltus.system.own_states import absent_states
 from saltus.system.parts import at_phases
+from saltus.system.writing.printer import is_broken
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.system.compiled_definition import CompiledDefinition
+    from saltus.system.definition import Definition
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["allowed_modes", "domain_value", "passed_event", "phase_rate", "starting_mode"]
+__all__ = [
+    "allowed_modes",
+    "domain_value",
+    "negative_root",
+    "passed_event",
+    "phase_rate",
+    "starting_mode",
+    "told_root",
+]
 
 _APART = 1e-3  # change of a state, over its size, by which a surface's slope is looked at
 _ON_SURFACE = 1e-8  # distance from a surface, over its variation with the states' sizes, up to which a state is on it
@@ -132,3 +146,65 @@ def phase_rate(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float
     if not 0.0 < rate < math.inf:
         raise InputError(f"rate of the phase {system.phase[0]}", rate, "> 0 and finite")
     return rate
+
+
+def negative_root(
+    system: CompiledDefinition, mode: int, x: NDArray[np.float64], p: NDArray[np.float64], errors: NDArray[np.float64]
+) -> str:
+    """Return in words which root in a mode has a negative argument beyond errors of the state; empty without one.
+
+    Parameters
+    ----------
+    mode : int
+        Index of the mode, or of a map's piece.
+    x, errors : ndarray, shape (all states,)
+        The state, and the errors of its components.
+    p : ndarray
+        Parameters, extended or not.
+    """
+    count = len(system.modes) + len(system.transitions)
+    place = count + sum(map(len, system.conditions.values())) + mode
+    x, p, out = np.ascontiguousarray(x), system.compiled.extended(p[: len(system.parameters)]), np.empty(1)
+    for first, state in ((place, x), (place + count, np.concatenate([x, errors / EPS]))):
+        system.compiled.call("guard", first, 0, state, p, out)
+        if out[0] >= 0.0:
+            return ""
+    return told_root(system, mode, x, p)
+
+
+def told_root(system: Definition, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> str:
+    """Return in words which root has the least negative argument, in a mode or a transition from it.
+
+    Parameters
+    ----------
+    mode : int
+        Index of the mode, or of a map's piece.
+    x : ndarray, shape (all states,)
+        The state.
+    p : ndarray
+        Parameters, extended or not.
+    """
+    names = (*system.all_states, *system.parameters)
+    at = zip(names, [*x.tolist(), *p[: len(system.parameters)].tolist()], strict=True)
+    values = {sympy.Symbol(name, real=True): sympy.Float(value) for name, value in at}
+    name = system.mode_names[mode]
+    ways = [t for t in system.transitions if t.source == name]
+    texts = [*system.modes[name].field.values(), *(t.event for t in ways), *(t.when for t in ways if t.when)]
+    texts += [text for t in ways for text in t.reset.values()]
+    found = []
+    for power in {p for text in texts for p in parse(text, names, "formula").atoms(sympy.Pow)}:
+        exponent, base = power.exp.xreplace(values), power.base.xreplace(values).evalf()
+        if base.is_number and base.is_real and base < 0 and exponent.is_number and is_broken(exponent):
+            found.append((float(base), _shown(power.base), _shown(power)))
+    if not found:
+        return "the argument of a root is negative"
+    value, argument, power = min(found)
+    other = "a piece" if system.part == "piece" else f"a mode, and a transition at {argument} = 0,"
+    return (
+        f"the argument of a root is negative: {argument} is {value:.6g} in {power}; define {other} where it is negative"
+    )
+
+
+def _shown(expression: sympy.Expr) -> str:
+    short = expression.replace(lambda e: e.is_Float, lambda e: sympy.Float(f"{float(e):.12g}"))
+    return str(sympy.sstr(short, full_prec=False))

@@ -13,9 +13,11 @@ from saltus import checks
 from saltus.algebraic.solution import AlgebraicSolution, Packed
 from saltus.contents import Contents
 from saltus.errors import InputError
+from saltus.flow.starting import negative_root
 from saltus.maps.problem import MapOrbitProblem
 from saltus.maps.spectrum import NEUTRAL, count_outside, multiplicity, multipliers_of
 from saltus.result import frozen
+from saltus.scales import STATE_ROUNDED
 from saltus.system.angles import TURN
 from saltus.system.evaluate import evaluate
 from saltus.system.maps import Map
@@ -317,4 +319,8 @@ def faults_of(problem: MapOrbitProblem, u: NDArray[np.float64], sizes: NDArray[n
                 piece = system.piece_names[problem.itinerary[point]]
                 text = texts[guard - len(system.pieces)]
                 reasons.append(f"point {point} lies beyond the border of {piece}: {text} is {height:.6g}")
+    p, spans = problem.parameters_at(u), STATE_ROUNDED * sizes.reshape(problem.period, -1)
+    for point, (place, x) in enumerate(zip(problem.itinerary, problem.points(u), strict=True)):
+        if told := negative_root(system, place, x, p, spans[point]):
+            reasons.append(f"at point {point} {told}")
     return reasons

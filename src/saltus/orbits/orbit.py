@@ -18,19 +18,20 @@ from saltus.flow.observables import Estimate, estimate, observe
 from saltus.flow.stretch import Motion
 from saltus.maps.spectrum import count_outside, multiplicity
 from saltus.orbits.coincidences import names_at_once
+from saltus.orbits.observables.faults import MOST_FAULTS, told_faults
 from saltus.orbits.observables.outputs import sought
 from saltus.orbits.observables.sampling import column_of, motion_of, sample_orbit
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.problem import OrbitProblem, follow_from
 from saltus.orbits.rounds import drive_text, repeats_of, rounds_of
-from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, events_between, path_of, signature_from
+from saltus.orbits.signature import CUT_END, Segment, Signature, Survey, events_between, path_of, signature_from
 from saltus.orbits.stability.floquet import multipliers, multipliers_by_order, nontrivial, unstable_count
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.orbits.winding import winding_of
 from saltus.result import frozen
 from saltus.solution import Solution
 from saltus.system import HybridSystem
-from saltus.system.plain import held_parameters, held_system
+from saltus.system.plain import expect_values, held_parameters, held_system
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
 __all__ = ["PeriodicOrbit", "orbit_at"]
 
-MOST_FAULTS = sum(bit for bit, _ in FAULTS)  # all bits of `PeriodicOrbit.faults`
 TOLERANCES = (1e-16, 1.0)  # least and greatest relative tolerance of a flow in a file
 
 
@@ -158,7 +158,7 @@ class PeriodicOrbit(Solution):
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the orbit is not admissible; docs/theory/orbits.md, "Admissibility", lists the conditions."""
-        return tuple(text for bit, text in FAULTS if self.faults & bit)
+        return told_faults(self.faults, self.motion)
 
     @cached_property
     def rounds(self) -> int:
@@ -393,7 +393,7 @@ class PeriodicOrbit(Solution):
         held.names("state", system.all_states)
         held.names("own_state", system.states)
         held.names("quantity", (*system.all_states, *system.output_names))
-        held.expect(multiplier=system.freedom)
+        expect_values(held, system, "multiplier", 1.0)
         durations = held.array("segment_duration", ("segment",))
         if not float(durations.sum()) > 0.0:
             raise InputError("segment_duration", durations.tolist(), "durations of a positive sum, the period")

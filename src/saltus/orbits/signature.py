@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BEYOND", "BOUNDARY", "CLOSED_END", "COARSE", "CUT_END", "DIRECTION", "DOMAIN", "DURATION", "EARLY", "EVENT_END",
-    "FAULTS", "MEAN_END", "ON_BORDER", "PHASE_END", "SECTION", "SPEED", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE",
-    "Segment", "Signature", "Survey", "events_between", "path_of", "signature_from",
+    "FAULTS", "MEAN_END", "ON_BORDER", "PHASE_END", "ROOT", "SECTION", "SPEED", "STOP", "TOUCH_END",
+    "VALUE", "WHEN", "WHOLE", "Segment", "Signature", "Survey", "events_between", "path_of", "signature_from",
 ]  # fmt: skip
 
 # Ways in which a segment ends: docs/theory/orbits.md.
@@ -47,6 +47,7 @@ VALUE = 32
 COARSE = 64  # a step of the mesh passed over something
 BEYOND = 128
 SPEED = 256
+ROOT = 512
 # Bits that are rounding where the signature changes: what vanishes there has no sign.
 ON_BORDER = DURATION | DIRECTION | EARLY | WHEN
 
@@ -63,6 +64,7 @@ FAULTS = (
     (EARLY, "another event lies inside a segment"),
     (WHEN, "a transition's condition does not hold"),
     (DOMAIN, "a mode's domain is left"),
+    (ROOT, "the argument of a root is negative"),
     (VALUE, "the state is not finite"),
     (BEYOND, "a segment lies wholly beyond an event of its mode"),
     (SPEED, "an event is met without speed, so that a multiplier is infinite"),

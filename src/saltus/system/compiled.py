@@ -79,6 +79,8 @@ class Compiled:
         Whether a mode's field has broken powers at which its first derivatives are infinite.
     limits : ndarray of bool, shape (modes,)
         Whether their product with the rate of clustered time has a limit that is not 0.
+    under_roots : bool
+        Whether a field, event function, condition or reset has a root of what may be negative.
     jumps : tuple of bool
         Whether a mode's field may jump.
     too_steep : tuple of str
@@ -98,6 +100,7 @@ class Compiled:
         self.n_outputs = len(system.outputs)
         self.rooted = np.array(module.ROOTED, dtype=np.bool_)
         self.limits = np.array(module.LIMITS, dtype=np.bool_)
+        self.under_roots = bool(module.UNDER_ROOTS)
         self.jumps = tuple(module.JUMPS)
         self.too_steep = tuple(module.TOO_STEEP)
         self._calls: dict[str, Any] = {}
@@ -351,7 +354,9 @@ _TEXT = (
     "writing.regularise",
     "writing.writer",
 )
-_FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "faces", "writing.rounding", "writing.codegen"))
+_FLOW_TEXT = tuple(
+    f"system.{name}" for name in (*_TEXT, "faces", "writing.roots", "writing.rounding", "writing.codegen")
+)
 SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "writing.linear_split", "writing.taylor"))
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from saltus import checks
 from saltus.errors import DefinitionError, InputError, nearest
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = [
     "all_parameters",
     "check_plain",
+    "expect_values",
     "held_any",
     "held_map",
     "held_parameters",
@@ -24,6 +28,8 @@ __all__ = [
     "swept_parameter",
     "system_from",
 ]
+
+_PARTS = ("_re", "_im")  # ends of the names of variables that hold complex values
 
 # Kinds of values in `_FORM`.
 _TEXT = (str,)
@@ -163,3 +169,36 @@ def all_parameters(given: Mapping[str, Any], system: Definition) -> dict[str, fl
             raise InputError(f"parameter {name!r}", value, "a number")
     values = system.resolve(given)
     return {name: values[name] for name in given}
+
+
+def expect_values(contents: Contents, system: HybridSystem, dim: str, at: float) -> None:
+    """Raise `InputError` where a result's file has not as many values as states of given totals have directions.
+
+    Up to version 0.1 each conserved total had a value of its own: an eigenvalue of 0, a multiplier of 1. They are left
+    out, of each row those nearest to it; a `RuntimeWarning` says so.
+
+    Parameters
+    ----------
+    dim : str
+        Dimension of the values; their variables end in ``_re`` and ``_im``.
+    at : float
+        The value that stands for a total.
+    """
+    held, count = contents.dataset, len(system.laws)
+    if not count or held.sizes.get(dim) != len(system.states):
+        contents.expect(**{dim: system.freedom})
+        return
+    names = [name.removesuffix("_re") for name in map(str, held) if name.endswith("_re") and dim in held[name].dims]
+    if {f"{name}{end}" for name in names for end in ("_re", "_im")} != {str(n) for n in held if dim in held[n].dims}:
+        contents.expect(**{dim: system.freedom})
+    kept: dict[str, Any] = {}
+    for name in names:
+        parts = [np.moveaxis(held[f"{name}{end}"].to_numpy(), held[f"{name}_re"].dims.index(dim), -1) for end in _PARTS]
+        order = np.argsort(np.hypot(parts[0] - at, parts[1]), axis=-1, kind="stable")
+        left = np.sort(order[..., count:], axis=-1)
+        dims = (*(d for d in held[f"{name}_re"].dims if d != dim), dim)
+        for end, part in zip(_PARTS, parts, strict=True):
+            kept[f"{name}{end}"] = (dims, np.take_along_axis(part, left, axis=-1))
+    contents.dataset = held.drop_dims(dim).assign(kept)
+    told = f"{count} {dim}{'s' if count > 1 else ''} of {at:g} left out: one for each of {', '.join(system.laws.names)}"
+    warnings.warn(f"saved by an earlier version; {told}, which the system conserves", RuntimeWarning, stacklevel=2)

@@ -61,7 +61,7 @@ class EquilibriumCheck:
         equilibrium, reference, mode, sizes = self.equilibrium, self.reference, self.mode, self.sizes
         rows = _place(
             lambda x: reference.field(mode, x[:, None])[:, 0], lambda x: reference.field_slope(mode, x),
-            equilibrium.state, sizes,
+            equilibrium.state, sizes, self._conserved,
         )  # fmt: skip
         values, uncertain = self.values, self.uncertain
         rows += [
@@ -72,6 +72,12 @@ class EquilibriumCheck:
             rows.append(equal("unstable directions", _unstable(equilibrium.eigenvalues), _unstable(values)))
         rows.append(_regularity(reference, equilibrium, mode, sizes))
         return rows
+
+    @property
+    def _conserved(self) -> NDArray[np.float64] | None:
+        """Coefficients of the totals at which the equilibrium is isolated, shape (totals, states); None without any."""
+        system = self.equilibrium.system
+        return system.laws.matrix(system.parameter_vector(self.equilibrium.parameters)) if system.laws else None
 
     def unstable(self) -> tuple[int, bool]:
         """Return the number of unstable directions, and whether it is known."""
@@ -210,17 +216,28 @@ def _place(
     slope: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     x: NDArray[np.float64],
     sizes: NDArray[np.float64],
+    conserved: NDArray[np.float64] | None = None,
 ) -> list[Row]:
-    """Return how far Newton's method moves a solution, over the sizes."""
+    """Return how far Newton's method moves a solution, over the sizes; with totals that are conserved, at these.
+
+    conserved: (totals, unknowns), coefficients of the totals. As many of the equations follow from the others.
+    """
     u, condition = x.astype(float), 1.0
     for _ in range(_STEPS):
-        scaled = slope(u) * sizes
+        scaled, gap = slope(u) * sizes, equations(u)
+        if conserved is not None:
+            scaled = np.vstack([scaled, conserved * sizes])
+            gap = np.append(gap, conserved @ (u - x))
         rows = np.abs(scaled).max(axis=1, keepdims=True)
-        values = np.linalg.svd(scaled / np.where(rows > 0.0, rows, 1.0), compute_uv=False)
+        rows = np.where(rows > 0.0, rows, 1.0)
+        values = np.linalg.svd(scaled / rows, compute_uv=False)
         if values[-1] <= NEWTON_REFUSED * values[0]:
             return [unchecked("place", 0.0, "the Jacobian is singular")]
         condition = float(values[0] / values[-1])
-        step = np.linalg.solve(scaled, equations(u)) * sizes
+        if conserved is None:
+            step = np.linalg.solve(scaled, gap) * sizes
+        else:
+            step = np.linalg.lstsq(scaled / rows, gap / rows[:, 0], rcond=None)[0] * sizes
         u = u - step
         if float(np.max(np.abs(step) / sizes)) < 1e-15:
             break

@@ -14,7 +14,7 @@ from saltus.continuation.results.special_points import SpecialPoint, SpecialPoin
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.orbit import MOST_FAULTS
+from saltus.orbits.observables.faults import MOST_FAULTS
 from saltus.orbits.signature import Signature
 from saltus.orbits.unfolding import Fixed
 from saltus.system import HybridSystem

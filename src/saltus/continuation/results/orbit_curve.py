@@ -22,7 +22,7 @@ from saltus.errors import InputError
 from saltus.orbits.orbit import TOLERANCES
 from saltus.orbits.signature import signature_from
 from saltus.orbits.unfolding import read_fixed
-from saltus.system.plain import held_parameters, held_system
+from saltus.system.plain import expect_values, held_parameters, held_system
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -108,7 +108,7 @@ class OrbitCurve(OrbitColumns):
         quantities = (*system.all_states, *system.output_names)
         for name, wanted in (("state", system.states), ("quantity", quantities), ("parameter", varied)):
             held.names(name, wanted)
-        held.expect(multiplier=system.freedom)
+        expect_values(held, system, "multiplier", 1.0)
         held.size("point")
         forms = [signature_from(form) for form in held.json("forms", list)]
         for form in forms:

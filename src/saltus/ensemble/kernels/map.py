@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from saltus.ensemble.kernels.lanes import SCALAR, after_visit, box_of, ended, fate, floor
 from saltus.ensemble.labels import UNDECIDED
-from saltus.maps.kernels.steps import advanced
+from saltus.maps.kernels.steps import ROOTLESS, advanced
 from saltus.system.numba_tools.machine_code import njit
 
 FOLLOWED = -1  # all motions have their labels
@@ -37,7 +39,10 @@ def follow(code, motions, regions, boxes, table, settings, found, x, y):
         seen, strobes = 0, 0
         label = fate(x, 0, settings.limit, regions.cages, regions.ellipsoids, regions.labels)
         while label == UNDECIDED and strobes < settings.longest:
-            if advanced(x, y, code) < 0:
+            piece = advanced(x, y, code)
+            if piece == ROOTLESS:
+                x[0] = math.nan
+            elif piece < 0:
                 return i
             strobes += 1
             label = fate(x, 0, settings.limit, regions.cages, regions.ellipsoids, regions.labels)

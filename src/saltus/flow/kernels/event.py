@@ -15,6 +15,7 @@ from saltus.flow.kernels.crossing import DEGREE, PIECE, Ends, Fit, seek
 from saltus.flow.kernels.landing import Room, first_event
 from saltus.flow.kernels.order import NEVER
 from saltus.flow.kernels.polynomial import DEPTH, ROOTS
+from saltus.flow.kernels.rooted import behind_root, passes_root, under_root
 from saltus.flow.kernels.rounded import starts_flat
 from saltus.flow.kernels.side import EventEnds, SideRoom, side_after
 from saltus.flow.kernels.state import (
@@ -37,6 +38,7 @@ from saltus.flow.kernels.state import (
     MODE_BEFORE,
     N_EVENTS,
     N_STEPS,
+    NEGATIVE_ROOT,
     PASSES,
     RATE_AFTER,
     RESET_NOT_FINITE,
@@ -151,7 +153,7 @@ def _begin(system, tolerances, state, mode, room):
         elif counts[FIRED] >= 0 and counts[MODE_BEFORE] != mode:
             side[k] = 0
     counts[STARTING] = 0
-    return DONE
+    return NEGATIVE_ROOT if under_root(system, tolerances, state, mode, x, state.size, room) else DONE
 
 
 @njit(**PART)
@@ -272,7 +274,7 @@ def _at_two_fold(system, fired, room):
 
 
 @njit(**INNER)
-def _happen(system, state, mode, fired, events, room):
+def _happen(system, tolerances, state, mode, fired, events, room):
     """Let the event landed on happen: the reset, the mode after it; a status."""
     outlined()
     n, landing, after, event = system.n, room.landing, room.after, room.event
@@ -287,6 +289,10 @@ def _happen(system, state, mode, fired, events, room):
         and not starts_flat(system, fired, landing, room.landing_size, event, room.sized)
     )
     counts[HOP_RUN] = counts[HOP_RUN] + 1 if hops else 0
+    if under_root(system, tolerances, state, system.n_modes + fired, landing, room.landing_size, room):
+        for e in range(n):
+            state.x[e] = landing[e]
+        return NEGATIVE_ROOT
     call(system.addresses[RESET], fired, 0, landing, 0, system.p, after, 0)
     target = system.transitions[3 * fired + 1]
     record_event(events, state, n, fired, rate, landing, after, mode, target)
@@ -349,6 +355,10 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
     fired, dt, fraction = int64(-1), h, NEVER
     if crossed:
         fired, dt, fraction = first_event(system, tolerances.within, state, mode, h, crossings, room)
+    end = room.landing if fired >= 0 else room.x_end
+    if passes_root(system, tolerances, state, mode, dt, end, room):
+        numbers[STEP] = 0.5 * h
+        return behind_root(state, n, dt, end) if _underflows(numbers) else DONE
     for k in range(system.n_transitions):
         if crossings.touched[k] <= min(fraction, 1.0):
             record_touch(state, k, numbers[T] + numbers[T_LOW] + crossings.touched[k] * h)
@@ -380,7 +390,7 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
     if system.phase > 0.0 and room.landing[n - 1] > TWO_PI - AT_WRAP:
         _wrap_first(system, state, mode, events, room)
         return DONE
-    return _happen(system, state, mode, fired, events, room)
+    return _happen(system, tolerances, state, mode, fired, events, room)
 
 
 @njit(**PART)

@@ -28,6 +28,7 @@ LEFT_DOMAIN = 5
 FIELD_NOT_FINITE = 6
 RESET_NOT_FINITE = 7
 EVENT_NOT_FINITE = 8
+NEGATIVE_ROOT = 9  # the argument of a root is negative beyond the errors of the states
 
 # Places in `State.numbers`.
 T = 0  # time
@@ -59,7 +60,8 @@ HOP_RUN = 9  # hops in a row that are lower than rounding
 N_STEPS = 10  # steps in the buffer
 N_EVENTS = 11  # events in the buffer
 TRIES = 12  # steps tried so far
-N_COUNTS = 13
+UNDER = 13  # 1 where the argument of a root was negative at the last look, within errors
+N_COUNTS = 14
 
 PASSES = 2  # a side besides -1, 0 (unknown) and 1: a start on the surface is no event, whichever way the motion leaves
 AT_WRAP = 1e-9  # radians before the phase's wrap within which an event comes after it, so that the strobe precedes it
@@ -162,6 +164,8 @@ class State(NamedTuple):
         Steps in which an event function is zero within its rounding and does not change its sign.
     touched : ndarray, shape (transition, 2)
         Times of the first and of the last such place.
+    reach : ndarray, shape (n,)
+        Largest sizes of the states since the argument of a root has been negative, within errors.
     """
 
     x: Floats
@@ -176,6 +180,7 @@ class State(NamedTuple):
     guess: Floats
     n_touched: Integers
     touched: Floats
+    reach: Floats
 
 
 class Steps(NamedTuple):
@@ -270,6 +275,7 @@ def state_pointers(state):
         pointer(state.x, 0), pointer(state.slopes, 0), pointer(state.size, 0), pointer(state.numbers, 0),
         pointer(state.counts, 0), pointer(state.side, 0), pointer(state.on, 0), pointer(state.value, 0),
         pointer(state.first_steps, 0), pointer(state.guess, 0), pointer(state.n_touched, 0), pointer(state.touched, 0),
+        pointer(state.reach, 0),
     )  # fmt: skip
 
 

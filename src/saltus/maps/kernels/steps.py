@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 
+from numba import float64
+
+from saltus.scales import EPS, STATE_ROUNDED
 from saltus.system.angles import TURN
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import call
+from saltus.system.numba_tools.pointers import call, stack
 from saltus.system.tiling import NUDGE
 
 # Kernels make no array: counting references to records would take longer than the work itself.
@@ -15,6 +18,7 @@ part = njit(inline="always", **SCALAR)
 inner = njit(**SCALAR)
 
 OVERLAP = -2  # instead of a piece: several hold at a state
+ROOTLESS = -3  # instead of a piece: the argument of a root in the image is negative
 GAP = -1  # instead of a piece: none holds at a state
 DONE = 0  # all iterations were made
 DIVERGED = 1  # a component is beyond the bound, or no number
@@ -70,13 +74,31 @@ def beside(x, code, out):
     return found
 
 
+@inner
+def under_root(piece, x, code):
+    """Whether an argument of a root in a piece's image is negative at a state, beyond rounding of the state."""
+    n, pieces, place = x.size, code.guards.size - 1, code.guards[code.guards.size - 1] + piece
+    sized = stack(float64, 2 * n + 1)
+    call(code.functions[2], place, 0, x, 0, code.p, sized, 2 * n)
+    if not sized[2 * n] < 0.0:
+        return False
+    for e in range(n):
+        sized[e] = x[e]
+        sized[n + e] = STATE_ROUNDED / EPS * abs(x[e])
+    call(code.functions[2], place + pieces, 0, sized, 0, code.p, sized, 2 * n)
+    return sized[2 * n] < 0.0
+
+
 @part
 def piece_of(x, code, out):
-    """Index of the piece that holds at a state; negative where not exactly one does."""
-    if code.guards[code.guards.size - 1] == code.guards[0]:
-        return 0
-    found = chosen(x, code, out)
-    return found if found >= 0 else beside(x, code, out)
+    """Index of the piece that holds at a state; negative where not exactly one does, or its image is not real."""
+    found = 0
+    if code.guards[code.guards.size - 1] != code.guards[0]:
+        found = chosen(x, code, out)
+        found = found if found >= 0 else beside(x, code, out)
+    if code.functions[3] != 0 and found >= 0 and under_root(found, x, code):
+        return ROOTLESS
+    return found
 
 
 @part
@@ -163,7 +185,10 @@ def images(points, x, y, code, limit, count):
         for _ in range(count):
             if not bounded(x, limit):
                 break
-            if advanced(x, y, code) < 0:
+            piece = advanced(x, y, code)
+            if piece == ROOTLESS:
+                x[0] = math.nan
+            elif piece < 0:
                 return NOWHERE, row
         lost = not bounded(x, limit)
         for i in range(n):

@@ -10,6 +10,7 @@ from numba import int64
 from saltus.flow.kernels.event import AT_WRAP
 from saltus.flow.kernels.segment import EVENT_X, FIELD, Segment, dense, leaps, missed
 from saltus.flow.kernels.stages import dense_value
+from saltus.flow.kernels.state import EPSILON
 from saltus.orbits.kernels.curve import EVENT, FINE, GUARD, OUTPUTS, Curve, Room, View, at_phase, fine, lowest
 from saltus.orbits.kernels.equation import RESET, TURN, piece_at, pointed, take_parameters, total_duration
 from saltus.orbits.kernels.margin import margin
@@ -25,11 +26,12 @@ from saltus.orbits.signature import (
     DURATION,
     MEAN_END,
     PHASE_END,
+    ROOT,
     TOUCH_END,
     VALUE,
     WHEN,
 )
-from saltus.scales import EXTREME_SURVEYED
+from saltus.scales import EXTREME_SURVEYED, STEPS_TOGETHER
 from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
 
@@ -80,7 +82,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         bad |= _followed(view, piece, curve, u, tolerances, room)
         add_moments(view, curve, begun, start, turns, room, found.moments)
         begun += piece.duration
-        bad |= _ended(view, piece, curve, u, (orbit.turns, orbit.angles), room, pointer(found.rates, 4 * i))
+        bad |= _ended(view, piece, curve, u, (orbit.turns, orbit.angles), tolerances, room, pointer(found.rates, 4 * i))
         _unmet(found, i * view.transitions, view.transitions)
         if kinds[i] != CUT_END:
             head, steps = i, int64(0)
@@ -95,7 +97,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
             nodes = pointer(joined, most // FINE + 2)
             coefficients = pointer(nodes, (most // FINE + 2) * n)
             curve = Curve(piece.mode, piece.duration, pointer(joined, 0), steps, nodes, coefficients)
-        bad |= _sampled(view, curve, room, found)
+        bad |= _sampled(view, curve, tolerances, room, found)
         if events.phase and not found_zero:
             found_zero = _reached(view, curve, target, room, found.x0)
         _extremes(view, curve, room, found)
@@ -256,8 +258,8 @@ def _followed(view, piece, curve, u, tolerances, room):
 
 
 @njit(**INNER)
-def _ended(view, piece, curve, u, closing, room, rates):
-    """Write a segment's row of `Found.rates`; return DIRECTION and WHEN where they are due.
+def _ended(view, piece, curve, u, closing, tolerances, room, rates):
+    """Write a segment's row of `Found.rates`; return DIRECTION, WHEN and ROOT where they are due.
 
     closing: forcing periods in the period, and the states on a circle.
     """
@@ -294,6 +296,8 @@ def _ended(view, piece, curve, u, closing, room, rates):
         rates[3] = one[0]
         if not one[0] > 0.0:
             bad |= WHEN
+        if piece.kind != TOUCH_END and _under_root(view, view.modes + transition, end, tolerances, room):
+            bad |= ROOT
         call(functions[EVENT], transition, 0, curve.nodes, 0, p, one, 0)
         rates[1] = one[1]
     return bad
@@ -317,8 +321,8 @@ def _append(whole, room, curve, n, steps, shift):
 
 
 @njit(**INNER)
-def _sampled(view, curve, room, found):
-    """Write states, outputs and event functions at a segment's fine samples, and extremes; return VALUE and DOMAIN."""
+def _sampled(view, curve, tolerances, room, found):
+    """Write what there is at a segment's fine samples, and extremes; return VALUE, DOMAIN and ROOT."""
     outlined()
     functions, p, n, outputs, mode = view.functions, view.p, view.n, view.outputs, curve.mode
     x, one, out, total, bad = room.x, room.one, room.out, curve.count * FINE, 0
@@ -336,6 +340,8 @@ def _sampled(view, curve, room, found):
         call(functions[GUARD], mode, 0, x, 0, p, one, 0)
         if not one[0] > 0.0:
             bad |= DOMAIN
+        if _under_root(view, mode, x, tolerances, room):
+            bad |= ROOT
         if outputs > 0:
             call(functions[OUTPUTS], mode, 0, x, 0, p, out, 0)
         for q in range(n + outputs):
@@ -349,6 +355,24 @@ def _sampled(view, curve, room, found):
                 call(functions[EVENT], k, 0, x, 0, p, one, 0)
                 room.heights[k * (total + 1) + j] = -one[0] if view.directions[k] > 0 else one[0]
     return bad
+
+
+@njit(**INNER)
+def _under_root(view, place, x, tolerances, room):
+    """Whether an argument of a root is negative at a state, beyond what the errors of the states make of it.
+
+    place: a mode, or behind the modes a transition, whose roots are looked at.
+    """
+    n, first = view.n, view.modes + view.transitions + place
+    call(view.functions[GUARD], first, 0, x, 0, view.p, room.one, 0)
+    if not room.one[0] < 0.0:
+        return False
+    sized, allowed = room.slope, STEPS_TOGETHER / EPSILON
+    for e in range(n):
+        sized[e] = x[e]
+        sized[n + e] = allowed * (tolerances[1] + tolerances[0] * view.sizes[e])
+    call(view.functions[GUARD], first + view.modes + view.transitions, 0, sized, 0, view.p, sized, 2 * n)
+    return sized[2 * n] < 0.0
 
 
 @njit(**INNER)

@@ -11,7 +11,8 @@ from saltus.system.faces import groups_of, kinds_of
 from saltus.system.writing.exponents import beyond, exponents_in, kinks_in
 from saltus.system.writing.printer import is_broken, without_poles
 from saltus.system.writing.regularise import multiple_of
-from saltus.system.writing.rounding import rounding_lines
+from saltus.system.writing.roots import roots_of
+from saltus.system.writing.rounding import LEAST, rounding_lines
 from saltus.system.writing.writer import Writer, zeros
 
 if TYPE_CHECKING:
@@ -56,8 +57,12 @@ class FlowWriter(Writer):
         yield self._by_parameter("reset_p", {k: s.reset[k] for k in transitions})
         yield self._function("outputs", {k: self._assign(s.outputs[k]) for k in modes})
         guards = [*s.domain, *s.when, *(condition for part in s.conditions for condition in part)]
-        yield self._function("guard", {k: self._assign([guard]) for k, guard in enumerate(guards)})
+        texts = [self._assign([guard]) for guard in guards]
         felt = {k: self._felt(k) for k in modes}
+        met = [*felt.values(), *([*s.reset[k], s.when[k]] for k in transitions)]
+        self.numbers["UNDER_ROOTS"] = any(roots_of(s, part) for part in met)
+        texts += [self._roots(part, widened=widened) for widened in (False, True) for part in met]
+        yield self._function("guard", dict(enumerate(texts)))
         phase = s.x[-1] if s.system.phase is not None else None
         exponents = {k: exponents_in(found, self._parameters, phase) for k, found in felt.items()}
         kinks = {k: kinks_in(found, self._parameters) for k, found in felt.items()}
@@ -70,6 +75,22 @@ class FlowWriter(Writer):
         errors = {symbol: f"x[{self.n + i}]" for i, symbol in enumerate(self.system.x)}
         lines, _, rounding = rounding_lines(self._hoist(event), self._text, errors)
         return [*lines, f"out[0] = {rounding or '0.0'}"]
+
+    def _roots(self, expressions: Sequence[sympy.Expr], *, widened: bool) -> list[str]:
+        """Text of the least argument of a root, 1 at the most; widened by the errors behind the states in x."""
+        lines = ["out[0] = 1.0"]
+        errors = {symbol: f"x[{self.n + i}]" for i, symbol in enumerate(self.system.x)} if widened else {}
+        for root in roots_of(self.system, expressions):
+            value = self._text(base := self._hoist(root.base))
+            if widened:
+                body, value, rounding = rounding_lines(base, self._text, errors)
+                lines += body
+                value = f"({value} + {LEAST}*({rounding or '0.0'}))"
+            if not root.exponent.is_number:
+                exponent = f"({self._text(self._hoist(root.exponent))})"
+                value = f"(1.0 if {exponent} == math.floor({exponent}) else {value})"
+            lines.append(f"out[0] = min(out[0], {value})")
+        return lines
 
     def _sizes_of_numbers(self) -> tuple[float, float]:
         """The largest and the least size of the numbers in fields and resets."""

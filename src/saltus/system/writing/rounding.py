@@ -19,9 +19,9 @@ import sympy
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-__all__ = ["rounding_lines"]
+__all__ = ["LEAST", "rounding_lines"]
 
-_LEAST = "2.220446049250313e-16"  # spacing of floats at 1
+LEAST = "2.220446049250313e-16"  # spacing of floats at 1
 _SMALLEST = "1e-300"  # base of a power that is 0
 _CHOOSES = ("Max", "Min")
 
@@ -115,14 +115,14 @@ class _Roundings:
             return f"abs({self._text(base**exponent)}*math.log({least}))*({error})"
         if exponent.is_Integer and exponent > 0:
             return f"abs({self._text(exponent * base ** (exponent - 1))})*({error})"
-        return f"abs({power})*max({least}, {_LEAST}*({error}))**({power} - 1.0)*({error})"
+        return f"abs({power})*max({least}, {LEAST}*({error}))**({power} - 1.0)*({error})"
 
     def _named(self, letter: str, text: str) -> sympy.Symbol:
         if letter == "v":
             self._count += 1
         name = f"{letter}{self._count - 1}"
         self.lines.append(f"{name} = {text}")
-        return sympy.Symbol(name, real=True)
+        return sympy.Symbol(name)  # not real: no state or parameter of that name is this symbol
 
 
 def _is_exact(number: sympy.Expr) -> bool:
