@@ -160,7 +160,8 @@ class Discretised(ABC):
     def _followed(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the dense output of the last survey, which is made again where the meshes have moved since."""
         u, places = self._seen
-        if u.size and not np.array_equal(places, self.surveyed[0]):
+        now = self.surveyed[0]
+        if u.size and places is not now and not np.array_equal(places, now):
             self.survey(u)
         return self._curve()
 

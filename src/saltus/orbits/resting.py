@@ -86,6 +86,8 @@ def mark_driven(
         Sizes of the states on it.
     """
     count = len(problem.system.states)
+    if not sizes[:count].min() < RESTING * sizes[:count].max():
+        return
     zeros = np.append(sizes[:count] < RESTING * float(sizes[:count].max()), np.zeros(problem.n - count, dtype=np.bool_))
     zeros &= ~moves.all(axis=1)
     if zeros.any():
