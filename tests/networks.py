@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import sympy
 from scipy.integrate import solve_ivp
-from scipy.optimize import root
+from scipy.optimize import brentq, minimize_scalar, root
 
 from saltus import HybridSystem
 
@@ -117,6 +118,72 @@ class Network:
         slope = sympy.lambdify([symbols], sympy.Matrix(given).jacobian(symbols))
         y = root(lambda y: np.array(f(y), dtype=float), self.kept(x), jac=slope, options={"xtol": 1e-14}).x
         return y, np.linalg.eigvals(np.array(slope(y), dtype=float))
+
+    def critical(self, start: np.ndarray, grid: np.ndarray, along: str) -> list[tuple[str, float]]:
+        """Return the folds and Hopf points along a grid of a species' amount or the rate: (type, rate), by SciPy.
+
+        Along the equilibria the determinant of the Jacobian changes its sign at a fold, and that of Hurwitz where two
+        eigenvalues are opposite; they are a pair on the imaginary axis at a Hopf point. All of the species left.
+        """
+        kept, rates, _ = self._eliminated
+        names = [sympy.Symbol(s) for s in kept]
+        rate = sympy.Symbol(RATE)
+        f = sympy.lambdify([[*names, rate]], rates)
+        slope = sympy.lambdify([[*names, rate]], sympy.Matrix(rates).jacobian(names))
+        whole = sympy.lambdify([[*names, rate]], sympy.Matrix(rates).jacobian([*names, rate]))
+        place = len(kept) if along == RATE else kept.index(along)
+        rest = [i for i in range(len(kept) + 1) if i != place]
+
+        def solved(value: float, near: np.ndarray) -> np.ndarray:
+            def whole_of(z: np.ndarray) -> np.ndarray:
+                return np.insert(z, place, value)
+
+            found = root(
+                lambda z: np.array(f(whole_of(z)), dtype=float), np.delete(near, place),
+                jac=lambda z: np.array(whole(whole_of(z)), dtype=float)[:, rest], options={"xtol": 1e-14},
+            )  # fmt: skip
+            return whole_of(found.x)
+
+        def tests(y: np.ndarray) -> tuple[float, float]:
+            J = np.array(slope(y), dtype=float)
+            a = np.real(np.poly(J))
+            n = len(a) - 1
+            hurwitz = [[a[2 * j - i] if 0 <= 2 * j - i <= n else 0.0 for j in range(1, n)] for i in range(1, n)]
+            return float(np.linalg.det(J)), float(np.linalg.det(np.array(hurwitz))) if n > 1 else 1.0
+
+        ys = [solved(grid[0], np.append(self.kept(start), self.at))]
+        for value in grid[1:].tolist():
+            ys.append(solved(value, ys[-1]))
+        found = []
+        for kind, which in (("SN", 0), ("HB", 1)):
+            for low, high, y in _brackets(grid, ys, lambda y, k=which: tests(y)[k], solved):
+                there = solved(
+                    brentq(lambda v, k=which, y=y: tests(solved(v, y))[k], low, high, xtol=1e-13, rtol=1e-14), y
+                )
+                values = np.linalg.eigvals(np.array(slope(there), dtype=float))
+                if kind == "SN" or np.abs(values[np.argsort(np.abs(values.real))[:2]].imag).min() > 1e-4:
+                    found.append((kind, float(there[-1])))
+        return found
+
+
+def _brackets(
+    grid: np.ndarray, ys: list[np.ndarray], test: Callable[[np.ndarray], float], solved: Callable[..., np.ndarray]
+) -> Iterator[tuple[float, float, np.ndarray]]:
+    """Yield where a test function changes its sign, twice beside a minimum of its modulus too, and a guess there."""
+    values = np.array([test(y) for y in ys])
+    for i in range(1, len(grid)):
+        if values[i - 1] * values[i] < 0.0:
+            yield grid[i - 1], grid[i], ys[i]
+    for i in range(1, len(grid) - 1):
+        sign, near = np.sign(values[i]), np.abs(values[i - 1 : i + 2])
+        if np.all(sign * values[i - 1 : i + 2] > 0.0) and near[1] == near.min():
+            least = minimize_scalar(
+                lambda v, i=i, sign=sign: sign * test(solved(v, ys[i])), bounds=sorted((grid[i - 1], grid[i + 1])),
+                method="bounded", options={"xatol": 1e-9 * abs(grid[i])},
+            )  # fmt: skip
+            if least.fun < 0.0:
+                yield grid[i - 1], least.x, ys[i]
+                yield least.x, grid[i + 1], ys[i]
 
 
 def _rate(rng: np.random.Generator) -> str:

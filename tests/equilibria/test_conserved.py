@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,23 @@ def test_a_network_is_that_with_species_eliminated_by_hand(kind: str, seed: int)
         np.testing.assert_allclose(network.kept(solution.state), state, rtol=1e-8, atol=1e-11)
         np.testing.assert_allclose(network.totals(solution.state), network.totals(x0), rtol=1e-12, atol=1e-12)
         assert solution.stable == bool(np.all(values.real < 0.0))
+
+
+@pytest.mark.parametrize(("kind", "seed"), guarding(networks.EVERY, ("bistable", 3), ("oscillating", 2), campaign=20))
+def test_special_points_of_a_network_are_those_of_determinants_by_scipy(kind: str, seed: int) -> None:
+    network = networks.KINDS[kind](seed)
+    branch = saltus.continue_equilibrium(
+        saltus.find_equilibrium(network.system, x0=network.near()), networks.RATE, RANGES[kind]
+    )
+    start = dataclasses.replace(network, at=float(branch.values[0]))
+    if kind == "bistable":  # folded in the rate, not in the enzyme
+        amounts, along = branch.states[:, 1] / network.scales[1], "X"
+    else:
+        amounts, along = branch.values, networks.RATE
+    truth = sorted(start.critical(branch.states[0], np.linspace(amounts[0], amounts[-1], 400), along))
+    found = sorted(zip(*_points(branch), strict=True))
+    assert [kind for kind, _ in found] == [kind for kind, _ in truth]
+    np.testing.assert_allclose([at for _, at in found], [at for _, at in truth], rtol=1e-8)
 
 
 def test_a_closed_reaction_has_one_equilibrium_at_each_total() -> None:

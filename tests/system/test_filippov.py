@@ -206,3 +206,22 @@ def test_two_oblique_surfaces_with_long_fields_are_defined_in_seconds():
         ("x", "y"), {"w": 1.3}, surfaces=("x - 0.1*y", "y - 0.2"), fields=fields, phase=("theta", "w")
     )
     assert len(system.transitions) == 48
+
+
+@pytest.mark.parametrize("g", [0.3, 1.0, 1e9])
+def test_a_side_whose_rate_across_is_a_parameter_slides_as_with_its_number(g):
+    above = {"x": "x*(1.1 - x**2 - y**2) - y", "y": "y*(1.1 - x**2 - y**2) + x"}
+    made = [
+        saltus.filippov(("x", "y"), parameters, surface="y + 1", above=above, below={"x": "0", "y": rate})
+        for parameters, rate in (({"g": g}, "g"), ({}, repr(g)))
+    ]
+    named, plain = (saltus.find_orbit(system, x0=[1.0, 0.2]) for system in made)
+    assert named.signature == plain.signature
+    assert named.period == pytest.approx(plain.period, rel=1e-12)
+
+
+def test_nothing_slides_where_a_rate_across_leads_away():
+    above = {"x": "x*(1.1 - x**2 - y**2) - y", "y": "y*(1.1 - x**2 - y**2) + x"}
+    system = saltus.filippov(("x", "y"), {"g": -2.0}, surface="y + 1", above=above, below={"x": "0", "y": "g"})
+    with pytest.raises(InputError, match="must be in the domain of mode 'sliding'"):
+        saltus.simulate(system, {}, [-0.9, -1.0], t_end=1.0, mode="sliding")

@@ -42,6 +42,18 @@ def test_a_bordered_step_solves_its_equations():
     assert top == pytest.approx(np.max(np.abs(F) / scale[:3]))
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1e-9, 1e-12])
+def test_a_bordered_step_keeps_its_digits_in_units_far_apart(unit):
+    random = np.random.default_rng(5)
+    J, F, row, u = random.normal(size=(5, 6)), random.normal(size=5), random.normal(size=6), random.normal(size=6)
+    known, sign, log, *_ = linear.bordered(J, F, row, u, u, np.ones(6))
+    columns, rows = unit ** np.array([1.0, -1.0, 0.0, 1.0, 0.0, 0.0]), unit ** np.array([1.0, -1.0, 0.5, 1.0, 0.0])
+    other = linear.bordered(J * rows[:, None] / columns, F * rows, row / columns, u * columns, u * columns, columns)
+    np.testing.assert_allclose(other[0] / columns[:, None], known, rtol=1e-12)
+    assert other[1] == sign
+    assert other[2] == pytest.approx(log + np.log(rows).sum() - np.log(columns).sum(), rel=1e-10)
+
+
 @njit()
 def there_and_back(number):
     return bits.bits_of(number), bits.float_of(bits.bits_of(number))

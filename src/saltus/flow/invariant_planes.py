@@ -6,14 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.scales import EPS
+
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from saltus.system.compiled import Compiled
 
-__all__ = ["staying"]
+__all__ = ["driven", "staying"]
 
 _PHASES = 16  # phases at which a rate is asked for: a drive may rest at one of them
+_ERRATIC = 16.0  # a sum that is rounding alone is at most so many times its change from one double to the next
 
 
 def staying(
@@ -48,3 +53,46 @@ def staying(
         compiled.call("field", mode, 0, on_plane, p, slope)
         stay &= slope == 0.0
     return stay
+
+
+def driven(
+    compiled: Compiled,
+    modes: Iterable[int],
+    transitions: Iterable[int],
+    x: NDArray[np.float64],
+    p: NDArray[np.float64],
+    zeros: NDArray[np.bool_],
+    states: int,
+) -> NDArray[np.bool_]:
+    """Return which of some states leave zero where all of these are zero: by a constant, a drive or a reset.
+
+    What is rounding of a sum that vanishes changes from one double to the next by as much as it is; it drives nothing.
+
+    Parameters
+    ----------
+    compiled : Compiled
+        The generated functions.
+    modes, transitions : iterable of int
+        Indices of those that the motion has.
+    x : ndarray, shape (n,)
+        Full state, of which the others are taken.
+    p : ndarray
+        Extended parameters.
+    zeros : ndarray of bool, shape (n,)
+        These states.
+    states : int
+        Components without the phase.
+    """
+    asked = [("field", mode) for mode in dict.fromkeys(modes)] + [("reset", k) for k in dict.fromkeys(transitions)]
+    near, found, value = x.copy(), np.zeros(x.size, dtype=np.bool_), np.empty(x.size)
+    for name, index in asked:
+        values = np.empty((_PHASES, 2, x.size))
+        for turn in range(_PHASES):
+            for side in range(2):
+                near[:] = np.where(zeros, 0.0, x * (1.0 + (2 * turn + side) * EPS))
+                near[states:] = 2.0 * np.pi * (turn + 0.5) / _PHASES * (1.0 + side * EPS)
+                compiled.call(name, index, 0, near, p, value)
+                values[turn, side] = value
+        sizes = np.abs(values).max(axis=(0, 1))
+        found |= sizes > _ERRATIC * np.abs(values[:, 1] - values[:, 0]).max(axis=0)
+    return found & zeros

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.scales import AFFINE
+from saltus.scales import AFFINE, ILL_CONDITIONED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.system import HybridSystem
 
-__all__ = ["common_sizes", "surface_rows"]
+__all__ = ["common_sizes", "newton_step", "surface_rows"]
 
 _MOST = 1e3  # largest common size of a state, over its own
 _ELSEWHERE = (0.3, -0.7)  # how far from a state gradients are looked at, in the states' sizes
@@ -105,3 +105,20 @@ def common_sizes(rows: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArr
         common[:count][found] = np.maximum(sizes[:count], least)[found]
         free &= ~entering.any(axis=0)
     return common
+
+
+def newton_step(J: NDArray[np.float64], F: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the solution of J step = F, by elimination in the unknowns' sizes where their units are far apart.
+
+    There the pivots that are largest are not those that keep the digits.
+
+    Raises
+    ------
+    LinAlgError
+        The matrix is singular.
+    """
+    if not float(scale.min()) < ILL_CONDITIONED * float(scale.max()):
+        return np.asarray(np.linalg.solve(J, F), dtype=float)
+    shares = scale / scale.max()
+    rows = np.maximum(np.abs(J * shares).max(axis=1), 1e-300)
+    return np.asarray(shares * np.linalg.solve(J * shares / rows[:, None], F / rows), dtype=float)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
     from saltus.system import HybridSystem
 
-__all__ = ["Discretised"]
+__all__ = ["Dense", "Discretised"]
 
 _MOST_SLIDING = 20_000  # steps of an orbit that slides, beyond which it comes too near to a two-fold
 _MOVES = 4  # of meshes of explicit steps until steps in frames have about equal errors
@@ -31,6 +31,9 @@ _DISCRETISATION = (
     "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
     "_surface_rows", "begun", "_explicit",
 )  # fmt: skip
+
+Dense = tuple["NDArray[np.float64]", "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]
+"""Mesh (node,), offsets of the segments' meshes, states (node, n) and coefficients (node, 7, n)."""
 
 
 class Discretised(ABC):
@@ -56,6 +59,7 @@ class Discretised(ABC):
     _unsettled: int  # moves of meshes in a row that left them too coarse
     _decays: list[float | Decay]
     _dense: tuple[NDArray[np.float64], NDArray[np.float64]]
+    _seen: tuple[NDArray[np.float64], NDArray[np.float64]]  # unknowns and mesh of the last survey
     # mesh and durations that the dense output's meshes were laid out for, and these
     _split: tuple[NDArray[np.float64], NDArray[np.float64], tuple[NDArray[np.float64], NDArray[np.int64]]]
     _lasting: NDArray[np.float64]  # shape (segments,): durations at the last survey
@@ -78,9 +82,7 @@ class Discretised(ABC):
         """Take the active parameters from the unknowns."""
 
     @abstractmethod
-    def dense(
-        self,
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    def dense(self) -> Dense:
         """Return the dense output that the last survey left."""
 
     @abstractmethod
@@ -154,6 +156,14 @@ class Discretised(ABC):
         if self._dense[0].size != nodes * self.n:
             self._dense = np.empty(nodes * self.n), np.empty(nodes * 7 * self.n)
         return self._dense
+
+    def _followed(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the dense output of the last survey, which is made again where the meshes have moved since."""
+        u, places = self._seen
+        now = self.surveyed[0]
+        if u.size and places is not now and not np.array_equal(places, now):
+            self.survey(u)
+        return self._curve()
 
     @property
     def worst(self) -> float:

@@ -12,13 +12,13 @@ from saltus.errors import ConvergenceError
 from saltus.flow.shares import shares_of, with_shares
 from saltus.orbits.coincidences import judged_together
 from saltus.orbits.common_sizes import common_sizes, surface_rows
-from saltus.orbits.discretisation import Discretised
+from saltus.orbits.discretisation import Dense, Discretised
 from saltus.orbits.frames import lawson_steps
 from saltus.orbits.landed import on_surfaces
 from saltus.orbits.meshes import adapted, crowding, decays, decays_along, implicit_second, implicit_steps, joined
 from saltus.orbits.plane import normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
-from saltus.orbits.resting import at_rest, nearest_to_zero, sizes_nearby
+from saltus.orbits.resting import at_rest, mark_driven, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 from saltus.scales import ABOVE_ROUNDING, EPS, FINEST, MOVES_NOTHING, NEAR_ZERO, RESTING, Scales
 from saltus.system.integrals.kept import KeptTotals
@@ -124,7 +124,7 @@ class OrbitProblem(Discretised):
         events = events_of(self.system)
         self._events, self._directions = tuple(events), events.directions
         self.mesh = np.zeros(0), np.zeros(self.segments + 1, dtype=np.int64)
-        self._dense = np.empty(0), np.empty(0)
+        self._dense = self._seen = np.empty(0), np.empty(0)
         self._lasting = np.ones(self.segments)
         self._split = np.zeros(0), self._lasting, self.mesh
         self._explicit = self.mesh
@@ -313,9 +313,11 @@ class OrbitProblem(Discretised):
         self.equations.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
         self._least = EPS / self.tol * period * terms.sum(axis=1)
         self._moves = terms > MOVES_NOTHING
+        mark_driven(self, self._moves, blocks[0, :n], np.abs(blocks[:, :n]).max(axis=0))
 
     def rescale(self, survey: Survey) -> None:
         """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""
+        mark_driven(self, self._moves, survey.lows, np.maximum(np.abs(survey.lows), np.abs(survey.highs)))
         states = self._least, self._moves, self._largest, self.state_scale
         finite, near = self._sizes.resized(survey.lows, survey.highs, (RESTING, NEAR_ZERO), *states)
         if finite:
@@ -422,23 +424,19 @@ class OrbitProblem(Discretised):
         faults = self._surveys.survey(
             self.record, self._events, self.surveyed, self._curve(), (self.tol, self._atol), self.state_scale, u, found
         )
+        self._seen = u.copy(), self.surveyed[0]
         values: Any = (int(faults) & ~COARSE, bool(faults & COARSE), *found, self.stiff)
         return on_surfaces(self, u, judged_together(self, u, Survey(*values)))
 
-    def dense(
-        self,
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the dense output that the last survey left.
-
-        Mesh (node,), offsets of the segments' meshes, states (node, n) and coefficients (node, 7, n).
-        """
-        (places, starts), (nodes, coefficients) = self.surveyed, self._curve()
+    def dense(self) -> Dense:
+        """Return the dense output that the last survey left."""
+        (places, starts), (nodes, coefficients) = self.surveyed, self._followed()
         return places, starts, nodes.reshape(-1, self.n), coefficients.reshape(-1, 7, self.n)
 
     def state_on(self, segment: int, place: float) -> NDArray[np.float64]:
         """Return the full state at a clustered time of a segment, as last surveyed."""
         x = np.empty(self.n)
-        self._curves.state_on(self.surveyed, self._curve(), segment, place, x)
+        self._curves.state_on(self.surveyed, self._followed(), segment, place, x)
         return x
 
 

@@ -7,23 +7,24 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from saltus.flow.invariant_planes import staying
+from saltus.flow.invariant_planes import driven, staying
 from saltus.flow.shares import shares_of
-from saltus.scales import NEAR_ZERO, NEARBY, NEAREST_TO_ZERO, ORBIT_NOTHING, RESTING, Verdict, followed, zero
+from saltus.scales import NEAR_ZERO, NEARBY, NEAREST_TO_ZERO, ORBIT_NOTHING, RECURS, RESTING, Verdict, followed, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.orbits.signature import Survey
+    from saltus.orbits.signature import Signature, Survey
     from saltus.system import HybridSystem
 
-__all__ = ["at_rest", "guess_on_plane", "nearest_to_zero", "on_its_plane", "sizes_nearby"]
+__all__ = ["at_rest", "guess_on_plane", "mark_driven", "nearest_to_zero", "on_its_plane", "sizes_nearby"]
 
 
 class Equations(Protocol):
     """What is asked here of the equations of an orbit: see `OrbitProblem`."""
 
     system: HybridSystem
+    signature: Signature
     tol: float
     active: Sequence[int]
     modes: NDArray[np.int64]
@@ -66,6 +67,33 @@ def at_rest(sizes: NDArray[np.float64], moves: NDArray[np.bool_]) -> NDArray[np.
     from saltus.orbits.kernels import sizes as kernels
 
     return np.asarray(kernels.resting(sizes, moves, RESTING) != 0)
+
+
+def mark_driven(
+    problem: Equations, moves: NDArray[np.bool_], x: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> None:
+    """Mark small states that a constant, a drive or a reset takes from zero as moved by all: they do not rest.
+
+    A state in a unit of its own is small by itself, as a charge in coulombs beside a voltage.
+
+    Parameters
+    ----------
+    moves : ndarray of bool, shape (n, n)
+        See `at_rest`; written.
+    x : ndarray, shape (n or more,)
+        Full state on the orbit.
+    sizes : ndarray, shape (n or more,)
+        Sizes of the states on it.
+    """
+    count = len(problem.system.states)
+    if not sizes[:count].min() < RESTING * sizes[:count].max():
+        return
+    zeros = np.append(sizes[:count] < RESTING * float(sizes[:count].max()), np.zeros(problem.n - count, dtype=np.bool_))
+    zeros &= ~moves.all(axis=1)
+    if zeros.any():
+        ends = [k for k in problem.signature.transitions if k >= 0]
+        x = np.ascontiguousarray(x[: problem.n])
+        moves[driven(problem.system.compiled, problem.modes.tolist(), ends, x, problem.extended, zeros, count)] = True
 
 
 def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
@@ -148,8 +176,9 @@ def on_its_plane(problem: Equations, u: NDArray[np.float64], survey: Survey) -> 
 def guess_on_plane(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a guess of an orbit moved into an invariant plane that it leaves nowhere by more than `RESTING`.
 
-    A state that is the factor of its own rate keeps its size: there only a solution tells what is rounding. The plane
-    may be crossed where several states are 0 together, as a place and its speed, and so small a distance is none.
+    States that recur in their own sizes are no rounding of others, but small by their units: they stay. A state that is
+    the factor of its own rate keeps its size: there only a solution tells what is rounding. The plane may be crossed
+    where several states are 0 together, as a place and its speed, and so small a distance is none.
     """
     count = len(problem.system.states)
     sizes = np.abs(u[: problem.size].reshape(problem.segments, problem.n + 1)[:, :count]).max(axis=0)
@@ -160,7 +189,10 @@ def guess_on_plane(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.flo
     if not places.size:
         return u
     moved = _without(problem, u, places)
-    return u if np.any(_residual(problem, moved, places)) else moved
+    if np.any(_residual(problem, moved, places)):
+        return u
+    recurs = np.all(np.abs(_residual(problem, u, places)) <= RECURS * sizes[places])
+    return u if recurs else moved
 
 
 def _residual(problem: Equations, u: NDArray[np.float64], places: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from saltus.flow.sticking import check_continuous
 from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.maps.solve import solve_map_orbit
+from saltus.orbits.common_sizes import newton_step
 from saltus.orbits.cuts import check_measured, cut, held, piece_maps, started_elsewhere, stretched
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.guesses import check_size, check_states, read_guess
@@ -335,7 +336,7 @@ def solve_unknowns(
         if unfolded is not None and unfolded.turn_gap(u, J[:-1]):
             F, J = evaluate(u)
         try:
-            step: NDArray[np.float64] = np.linalg.solve(J, -landed.left(F)).astype(np.float64, copy=False)
+            step = newton_step(J, -landed.left(F), scale)
         except np.linalg.LinAlgError:
             raise ConvergenceError("periodic orbit", size, iteration, "the equations are singular there") from None
         length = float(np.max(np.abs(step) / scale))
@@ -350,7 +351,7 @@ def solve_unknowns(
             trial = u + factor * step
             F_new, J_new = evaluate(trial)
             new = float(np.abs(F_new).max())
-            if new <= (1.0 - 0.2 * factor) * size or (length < 1e-6 and new < 1e-6):
+            if new <= (1.0 - 0.2 * factor) * size or _rounded(problem, length, new):
                 break
             if length < scales.SETTLED and landed.within(trial, F_new, J_new):
                 break
@@ -393,6 +394,11 @@ def solve_unknowns(
             F, J = fitted(problem, evaluate, u)
             size = float(np.abs(F).max())
     raise ConvergenceError("periodic orbit", size, most, _why(problem, u, size, extent))
+
+
+def _rounded(problem: OrbitProblem, length: float, left: float) -> bool:
+    """Return whether a step of a length leaves a residual that need not fall any more."""
+    return length < scales.STEP_AT_ROUNDING and left < scales.RESIDUAL_SMALL * float(problem.state_scale.max())
 
 
 def _accepted(

@@ -34,6 +34,7 @@ __all__ = ["filippov", "lines_of"]
 _NAMES = {ABOVE: "above", BELOW: "below", ON: "sliding"}  # modes where there is one surface
 _NO_WAY = "no single way on"  # mode in which a motion ends where surfaces meet
 _NO_FIELD = "no field there"  # mode in which a motion ends that comes into a region without a field
+_SWITCHED = 1e300  # makes a positive number of doubles 1 or more, of which the lesser is a factor 1
 _MOST = 4  # surfaces: there are 2**4 fields then
 
 
@@ -379,11 +380,11 @@ class _Parts:
         """Return the domain of a sliding mode, positive where a motion slides or has passed an event of the mode.
 
         Where fall - rise is not positive, both fields lead away from the surface, or one crosses it faster than the
-        other. A rate that does not vary has no event.
+        other. A rate that does not vary has no event: it is a factor of 0 or 1.
         """
         import sympy
 
-        from saltus.system.choices import Min
+        from saltus.system.choices import Max, Min
 
         conditions = []
         for i in (i for i, sign in enumerate(word) if sign == ON):
@@ -394,9 +395,12 @@ class _Parts:
             return NOWHERE
         unknown = [condition for condition in conditions if not condition.is_positive]
         varying = [condition for condition in unknown if self._varies(condition)]
-        if len(varying) > 1:  # a domain is smooth: a motion leaves it where the first of them vanishes
-            unknown = [*(part for part in unknown if part not in varying), sympy.Mul(*varying)]
-        return Min(*unknown) if unknown else None
+        fixed = [condition for condition in unknown if condition not in varying]
+        if not varying:
+            return Min(*fixed) if fixed else None
+        # a domain is smooth: a motion leaves it where the first of them vanishes
+        least = sympy.Mul(*varying)
+        return least * Max(sympy.S.Zero, Min(sympy.S.One, *(_SWITCHED * part for part in fixed))) if fixed else least
 
     def _not_negative(self, rate: sympy.Expr) -> sympy.Expr:
         """Return a condition that is positive where a rate is 0 or positive: a field along the surface slides, too."""

@@ -19,6 +19,7 @@ from saltus.scales import (
     MONITOR_ZERO,
     NEWTON_CONVERGED,
     PLACES_ALIKE,
+    RESIDUAL_ROUNDING,
 )
 
 if TYPE_CHECKING:
@@ -71,11 +72,19 @@ def _located(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb:
     wide = name in problem.singular and name not in problem.noise and least > 0.0
     for unit in (least, largest) if wide else (largest,):
         event = locate(problem, name, a, b, fa, fb, unit)
-        if event is not None and abs(event.value) <= (
-            max(MONITOR_JUMPS * least, MONITOR_ZERO * largest) if wide else MONITOR_JUMPS * unit
-        ):
+        small = max(MONITOR_JUMPS * least, MONITOR_ZERO * largest) if wide else MONITOR_JUMPS * unit
+        if event is not None and abs(event.value) <= small and _lies_between(event.point, a, b):
             return event
     return None
+
+
+def _lies_between(point: Point, a: Point, b: Point) -> bool:
+    """Return whether a point is no farther from the nearer end of a step than that is long.
+
+    Where the equations are solved again more exactly, Newton's method may lead far away, as to orbits of no period.
+    """
+    away = min(float(a.weights @ (point.u - end.u) ** 2) for end in (a, b))
+    return away <= max(b.arc - a.arc, CROWDED) ** 2
 
 
 def _runs_out(name: Any, old: float, value: float) -> bool:
@@ -178,7 +187,7 @@ def locate(
         if near:
             step = _without_kernel(J, F, row, scale)
             size = float(np.abs(step / scale).max())
-        if residual <= 1e-13:
+        if _at_rounding(F, J, scale):
             step, size = np.zeros_like(step), 0.0
         if sign == 0.0 and (
             name in problem.singular or (_certain(problem, name) and abs(s - known[-1][0]) < PLACES_ALIKE)
@@ -224,6 +233,14 @@ def locate(
         shaped = known if tried <= _ROOTED else [(place, value * abs(value)) for place, value in known]
         s, previous = _zero(shaped, low, high) if tried <= _HALVED else 0.5 * (low + high), math.inf
     return None
+
+
+def _at_rounding(F: NDArray[np.float64], J: NDArray[np.float64], scale: NDArray[np.float64]) -> bool:
+    """Return whether what is left of each equation is rounding of what the unknowns' sizes are in it.
+
+    An equation has no unit in common with an unknown: an event function of a billionth is small by itself.
+    """
+    return bool(np.all(np.abs(F) <= RESIDUAL_ROUNDING * np.abs(J * scale).max(axis=1)))
 
 
 def _bend_at(s: float, bends: list[tuple[float, NDArray[np.float64]]], u: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -40,13 +40,14 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
 
 __all__ = [
-    "CROSSINGS", "HALVES", "ROUGH_GRAZING",
+    "CROSSINGS", "HALVES", "ROUGH_GRAZING", "ROUGH_MEETING",
     "goes_twice", "residual_fault", "rests", "step_fault", "tightened", "unconfirmed", "undetermined",
 ]  # fmt: skip
 
 CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
 HALVES = "halves: the orbit goes round a shorter one twice, and no branch point explains it"
 ROUGH_GRAZING = "location: what lies behind the grazing cannot be told at the tolerance"
+ROUGH_MEETING = "location: errors at the tolerance part the branches that meet"
 
 
 def unconfirmed(

@@ -367,6 +367,8 @@ class OrbitZeroProblem:
         """
         if any(at_grazing(event.name) for event in events) and self.problem.tighten():
             return guards.ROUGH_GRAZING
+        if any(event.name in self.singular for event in events) and self.problem.tighten():
+            return guards.ROUGH_MEETING
         points = [event.point for event in events if event.name == _BP]
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
         kept = [e for e in events if e.name != _SN or not any(self._turned_by(point, e.point.arc) for point in points)]

@@ -173,7 +173,8 @@ def undecided(
 ) -> bool:
     """Return whether multipliers are too inexact at a loose tolerance to be counted, or to be told on from there.
 
-    At the finest tolerance nothing can be computed more exactly, and the answer is no.
+    Where branches meet at a multiplier 1, errors part them: it then comes near 1 and turns back. At the finest
+    tolerance nothing can be computed more exactly, and the answer is no.
     """
     if problem.tol <= scales.FINEST:
         return False
@@ -181,6 +182,8 @@ def undecided(
     errors = multiplier_errors(problem, u, J, values)[: inner.size]
     sizes = np.abs(inner)
     if not np.all(errors <= scales.ROUGH * np.maximum(sizes, 1.0)):
+        return True
+    if np.any(np.abs(inner - 1.0) <= scales.critical_error(problem.tol)):
         return True
     return any(
         scales.zero(size - 1.0, error) is not scales.Verdict.NO for size, error in zip(sizes, errors, strict=True)

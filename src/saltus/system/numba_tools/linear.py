@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import int64
 
+from saltus.scales import ILL_CONDITIONED
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, keep, pointer
 
@@ -82,6 +83,31 @@ def _decouple(matrix, F, u, wide):
                     matrix[i * wide + j] = 0.0
 
 
+@njit(**INNER)
+def _in_sizes(m, scale, top, matrix, rhs):
+    """Solve as `solve_flat` does with two right sides, by elimination in the unknowns' sizes and the equations' own.
+
+    In units far apart the pivots that are largest are not those that keep the digits. matrix: (m + 1, m + 1); top: the largest size.
+    """
+    wide, gained = m + 1, 0.0
+    for i in range(wide):
+        largest = 0.0
+        for j in range(wide):
+            matrix[i * wide + j] *= scale[j] / top
+            largest = max(largest, abs(matrix[i * wide + j]))
+        unit = largest if largest > 0.0 else 1.0
+        for j in range(wide):
+            matrix[i * wide + j] /= unit
+        rhs[2 * i] /= unit
+        rhs[2 * i + 1] /= unit
+        gained += math.log(unit) - math.log(scale[i] / top)
+    sign, log = solve_flat(matrix, rhs, wide, int64(2))
+    for j in range(wide):
+        rhs[2 * j] *= scale[j] / top
+        rhs[2 * j + 1] *= scale[j] / top
+    return sign, log + gained
+
+
 @njit(cache=True, error_model="numpy")
 def bordered(J, F, row, u, guess, scale):
     """Solve (J; row) (du, t) = (-F, 0; -row (u - guess), 1).
@@ -102,7 +128,8 @@ def bordered_flat(J, F, row, u, guess, scale, matrix, rhs):
     matrix: room for (m + 1)^2 numbers; rhs: pointer to the solutions, (m + 1, 2), which are written.
     """
     m, wide = F.size, F.size + 1
-    ahead = top = size = 0.0
+    ahead = top = size = largest = 0.0
+    smallest = np.inf
     for i in range(m):
         for j in range(wide):
             matrix[i * wide + j] = J[i, j]
@@ -112,13 +139,17 @@ def bordered_flat(J, F, row, u, guess, scale, matrix, rhs):
     for j in range(wide):
         matrix[m * wide + j] = row[j]
         ahead += row[j] * (u[j] - guess[j])
+        smallest, largest = min(smallest, scale[j]), max(largest, scale[j])
     rhs[2 * m] = -ahead
     rhs[2 * m + 1] = 1.0
     for i in range(m):
         if F[i] == 0.0 and u[i] == 0.0 and matrix[i * wide + i] != 0.0:
             _decouple(matrix, F, u, wide)
             break
-    sign, log = solve_flat(matrix, rhs, wide, int64(2))
+    if smallest < ILL_CONDITIONED * largest:
+        sign, log = _in_sizes(m, scale, largest, matrix, rhs)
+    else:
+        sign, log = solve_flat(matrix, rhs, wide, int64(2))
     for j in range(wide):
         change = abs(rhs[2 * j]) / scale[j]
         size = change if not change < size else size
