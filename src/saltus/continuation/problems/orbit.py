@@ -99,6 +99,7 @@ class OrbitZeroProblem:
         self._autonomous = problem.system.phase is None
         self._logs: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
+        self._resting = False  # whether the parameter rests in the last step
         self._crossed: int | None = None  # equal multipliers that cross the unit circle at once in the last step
         self._adjust(u)
         kinds = problem.signature.kinds
@@ -251,10 +252,11 @@ class OrbitZeroProblem:
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         if before is None:
             return Examined(monitors, None, data)
-        if guards.rests(before, point):
-            self._judge_fold(before, monitors, data)
+        self._resting = guards.rests(problem, before, point, data, self.own)
+        if self._resting:  # the sign of the fold's function is rounding
+            monitors[_SN] = math.nan
         self._step, self._crossed = (before, point), None
-        fault = guards.step_fault(point, before, monitors, data, None if self.neutral else way)
+        fault = guards.step_fault(point, before, monitors, data, None if self.neutral else way, resting=self._resting)
         if (
             fault == guards.CROSSINGS
             and (name := crossing_at_once(before.examined.data.followed, followed)) is not None
@@ -277,19 +279,6 @@ class OrbitZeroProblem:
         """Return the multipliers without the trivial one at unknowns near the branch."""
         values = multipliers(self.problem, u, self.own(self.evaluate(u)[1]))
         return nontrivial(values, autonomous=self._autonomous)
-
-    def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
-        """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.
-
-        Along a canard the parameter hardly moves, but a multiplier passes 1 at the fold. Along a family it stays there.
-        """
-        old: OrbitData = before.examined.data
-        away = min(abs(value - 1.0) for value in (*old.followed, *data.followed)) if old.followed else 0.0
-        if data.unstable == old.unstable or away < scales.ONE_OF_FAMILY:
-            monitors[_SN] = math.nan
-        else:
-            known = {**before.examined.monitors, _SN: self._simple[_SN](before)}
-            before.examined = replace(before.examined, monitors=known)
 
     def _sharpen(self, point: Point) -> None:
         """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers."""
@@ -427,7 +416,7 @@ class OrbitZeroProblem:
             return event.point.examined.fault if here is None else None
         if turned(self.problem, event.name, event.point.u):
             return "not admissible: a segment touches its surface inside before it does where it starts"
-        if not a.followed or self.neutral or guards.rests(before, after):
+        if not a.followed or self.neutral or self._resting:
             return None
         kind, followed = event.name.kind, here.followed
         critical = {i for i, value in enumerate(followed) if abs(height(value)) < scales.MULTIPLIER_CRITICAL}
