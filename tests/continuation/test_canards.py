@@ -6,8 +6,10 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import saltus
+from saltus.continuation.problems.phase_plane import transferred
+from saltus.orbits.cuts import clustered
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import CLOSED_END, Signature
+from saltus.orbits.signature import CLOSED_END, CUT_END, Signature
 from selection import guarding
 
 
@@ -54,3 +56,61 @@ def test_meshes_that_do_not_settle_are_cut_where_they_are_too_coarse():
     assert problem.mesh[0] == pytest.approx(np.insert(places, 4, 0.5 * (places[3] + places[4])))
     assert problem.mesh[1][-1] == problem.mesh[0].size
     assert np.isfinite(problem.evaluate(u)[1]).all()
+
+
+@pytest.mark.parametrize("r", guarding([0.005]))
+def test_a_turn_on_a_canard_is_a_saddle_node_where_shooting_finds_the_turn(r):
+    rest = saltus.find_equilibrium(hindmarsh_rose(r), x0=[-1.3, -7.5, 1.2])
+    branch = saltus.continue_equilibrium(rest, "I", bounds=(0.0, 6.0))
+    born = saltus.switch_branch(branch["HB1"])
+    cycles = saltus.continue_orbit(born, "I", (0.0, 6.0), steps=saltus.StepControl(max_points=110))
+    assert cycles.audit.passed
+    assert not cycles.audit.remarks  # the parameter rests there within 1e-9, but the cycles are no family
+    turn = max(cycles.special_points.of_type("SN"), key=lambda point: point.orbit.period)
+    assert turn.orbit.period == pytest.approx(331.02, abs=0.01)
+    # the whole way onto the canard and back takes some hundred points
+    assert np.any((cycles.period < 200.0) & (cycles.values > 1.3))
+    orbit, found = turn.orbit, []
+    for period in orbit.period + np.array([0.0, -1.0, 0.1]):
+
+        def gap(u, period=period):
+            run = solve_ivp(
+                lambda t, x: [x[1] - x[0] ** 3 + 3 * x[0] ** 2 - x[2] + u[2], 1 - 5 * x[0] ** 2 - x[1],
+                              r * (4 * (x[0] + 1.6) - x[2])],
+                (0, period), [orbit.x0[0], u[0], u[1]], rtol=1e-12, atol=1e-13, method="DOP853",
+            )  # fmt: skip
+            return run.y[:, -1] - [orbit.x0[0], u[0], u[1]]
+
+        u = fsolve(gap, [*orbit.x0[1:3], orbit.parameters["I"]], xtol=1e-13)
+        assert np.max(np.abs(gap(u))) < 1e-7
+        found.append(u[2])
+    assert turn.parameters["I"] == pytest.approx(found[0], rel=1e-9)
+    assert found[0] < min(found[1:])
+
+
+def test_pieces_on_planes_have_the_tangent_of_pieces_with_shares_of_the_period():
+    """A cut that keeps its place moves along the orbit, over one that keeps its share of the period, by the time that
+    the durations before it lose."""
+    count, rest = 4, saltus.find_equilibrium(hindmarsh_rose(0.01), x0=[-1.3, -7.5, 1.2])
+    born = saltus.switch_branch(saltus.continue_equilibrium(rest, "I", bounds=(0.0, 6.0))["HB1"])
+    whole, n = born.problem(), 3
+    u = born.unknowns
+    whole.resolve(u)
+    whole.survey(u)
+    starts = [u[:n], *(whole.state_on(0, clustered(i / count)) for i in range(1, count))]
+    form = Signature((0,) * count, (-1,) * count, (CLOSED_END,) + (CUT_END,) * (count - 1), 0)
+    problem = OrbitProblem(whole.system, form, whole.parameters_at(u), (0,), np.ones(1))
+    cut = np.append(np.concatenate([np.append(x, u[n] / count) for x in starts]), born.parameters["I"])
+    problem.start(cut)
+    shares = null_vector(problem.resolve(cut)[1])
+    problem.fix_phase(cut, problem.survey(cut), cuts=True)
+    planes = null_vector(problem.evaluate(cut)[1])
+    assert np.max(np.abs(problem.evaluate(cut)[0][n :: n + 1])) == 0.0
+    assert problem.facings(cut) == pytest.approx(np.ones(count))
+    moved = transferred(problem, cut, shares)
+    assert moved * np.sign(moved @ planes) / np.linalg.norm(moved) == pytest.approx(planes, abs=1e-7)
+    assert moved[n:-1:4].sum() == pytest.approx(shares[n:-1:4].sum(), rel=1e-9)
+
+
+def null_vector(J):
+    return np.linalg.svd(J)[2][-1]

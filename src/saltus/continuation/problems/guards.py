@@ -28,6 +28,7 @@ from saltus.scales import (
     PARAMETER_PERHAPS_RESTS,
     PARAMETER_RESTS,
     PARAMETER_ROUNDED,
+    POINT_OF_BRANCH,
     RESIDUAL_KEPT,
     SLOWED,
     split,
@@ -52,11 +53,18 @@ ROUGH_GRAZING = "location: what lies behind the grazing cannot be told at the to
 
 
 def unconfirmed(
-    problem: OrbitProblem, kind: str, u: NDArray[np.float64], J: NDArray[np.float64], values: NDArray[np.complex128]
+    problem: OrbitProblem,
+    kind: str,
+    u: NDArray[np.float64],
+    J: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    step: tuple[Point, Point] | None = None,
 ) -> bool:
     """Return whether no multiplier is at 1 (SN), -1 (PD) or on the unit circle (TR) within its error.
 
     Next to a grazing a multiplier is infinite. The others are then too inaccurate to contradict: the result is False.
+    On a canard multipliers pass their critical places so fast that the point's place does not tell them. `step` has the
+    ends of its step.
     """
     inner = nontrivial(values, autonomous=problem.system.phase is None)
     if not np.all(np.abs(inner) < INFINITE):
@@ -64,8 +72,18 @@ def unconfirmed(
     away = np.abs(np.abs(inner) - 1.0) if kind == "TR" else np.abs(inner - (1.0 if kind == "SN" else -1.0))
     if away.size and float(away.min()) <= CONFIRMED:
         return False
-    errors = multiplier_errors(problem, u, J, values)[: inner.size]
+    errors = np.maximum(multiplier_errors(problem, u, J, values)[: inner.size], POINT_OF_BRANCH * _speed(step))
     return not np.any(away <= errors)
+
+
+def _speed(step: tuple[Point, Point] | None) -> float:
+    """Return the largest mean rate of change of a multiplier along a step, by arclength; 0 where it is not known."""
+    if step is None or not step[1].arc > step[0].arc:
+        return 0.0
+    before, after = (np.array(end.examined.data.followed if end.examined.data else ()) for end in step)
+    if before.size != after.size or not np.all(np.isfinite(before)) or not np.all(np.isfinite(after)):
+        return 0.0
+    return float(np.abs(after - before).max(initial=0.0)) / (step[1].arc - step[0].arc)
 
 
 def residual_fault(problem: OrbitProblem, survey: Survey, u: NDArray[np.float64]) -> str | None:

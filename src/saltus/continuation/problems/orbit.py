@@ -15,6 +15,7 @@ import numpy as np
 
 from saltus import scales
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
+from saltus.continuation.core.value_tests import circle_tests
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
 from saltus.continuation.problems import guards
 from saltus.continuation.problems.changes import limits_of_multipliers
@@ -23,7 +24,7 @@ from saltus.continuation.problems.errors import orbit_error
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.orbit_data import OrbitData
-from saltus.continuation.problems.phase_plane import astray, depart, solve_again
+from saltus.continuation.problems.phase_plane import astray, depart, log_of_crossings, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.problems.watching import Watched, beyond
@@ -153,6 +154,7 @@ class OrbitZeroProblem:
 
     def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
         """Return a determinant over its first size and over the factor of the phase condition."""
+        log -= log_of_crossings(self.problem, point.u)
         value = sign * math.exp(min(log - self._logs.setdefault(name, log), 600.0))
         return value / (self.problem.facing(point.u) or math.nan)
 
@@ -273,6 +275,11 @@ class OrbitZeroProblem:
             problem.set_parameters(point.u)
             fault = DOUBT if several else None
         single = [name for name in monitors if name.kind in ("PD", "BP", "TR")] if several is False else []
+        both = (*before.examined.data.followed, *followed)
+        far = len(followed) > 1 or all(circle_tests([value]).far for value in both)
+        if CUT_END in problem.signature.kinds and far and not several:
+            # products of distances change by powers of ten; what the multipliers do is known
+            single = [name for name in monitors if name.kind in ("SN", "PD", "BP", "TR")]
         return Examined(monitors, fault, data, doubled_by(followed), frozenset(single))
 
     def _spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -371,7 +378,9 @@ class OrbitZeroProblem:
         for event in [e for e in kept if e.name.kind in ("SN", "PD", "TR")]:
             u, data = event.point.u, event.point.examined.data
             own = self.own(event.point.J)
-            if data is not None and guards.unconfirmed(self.problem, event.name.kind, u, own, data.multipliers):
+            if data is not None and guards.unconfirmed(
+                self.problem, event.name.kind, u, own, data.multipliers, self._step
+            ):
                 if long:
                     return f"location: the orbit at a zero of {event.name} has no multiplier that is critical"
                 kept.remove(event)

@@ -14,12 +14,22 @@ import numpy as np
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.spectrum import NEUTRAL
-from saltus.scales import EPS, LIKE_ONE, LOCATED, SEPARATED, SOLVED, critical_error, same, value_error
+from saltus.scales import (
+    EPS,
+    LIKE_ONE,
+    LOCATED,
+    POINT_OF_BRANCH,
+    SEPARATED,
+    SOLVED,
+    critical_error,
+    same,
+    value_error,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["contradicted_labels", "critical_rows", "unexplained"]
+__all__ = ["at_one", "contradicted_labels", "critical_rows", "unexplained"]
 
 _SINGLE = ("SN", "PD")  # types at which one direction begins to grow or to shrink
 _PAIRED = ("TR", "HB")  # types at which two do
@@ -151,7 +161,7 @@ def contradicted_labels(curve: Any) -> tuple[list[tuple[float, str]], int]:
         if away is None or any(_together(curve, point, value) for value in borders):
             continue  # next to a grazing multipliers change without bound
         told += 1
-        if not away <= error:
+        if not away <= error + POINT_OF_BRANCH * _speed(curve, point):
             value = "eigenvalue" if point.solution.at_rest and hasattr(point.solution, "eigenvalues") else "multiplier"
             found.append((point.position, f"{point.label} has no critical {value}: the nearest is {away:.2g} away"))
     if _critical(curve) is None or len(curve.varied) > 1:
@@ -164,6 +174,27 @@ def contradicted_labels(curve: Any) -> tuple[list[tuple[float, str]], int]:
         for i in np.flatnonzero(wrong).tolist()
     ]
     return found, told + int(np.sum(counts[:, 0] >= 0))
+
+
+def _speed(curve: Any, point: Any) -> float:
+    """Return how fast multipliers change by arclength where a special point lies; 0 where it cannot be told.
+
+    On a canard that is so fast that the point's place, as far as it is known, moves a critical one.
+    """
+    values, first = _critical(curve), int(point.position)
+    if values is None or hasattr(curve, "eigenvalues") or not 0 <= first < len(values) - 1:
+        return 0.0
+    moved, apart = np.abs(values[first + 1] - values[first]), float(curve.arclength[first + 1] - curve.arclength[first])
+    return float(moved.max(initial=0.0)) / apart if apart > 0.0 and np.all(np.isfinite(moved)) else 0.0
+
+
+def at_one(curve: Any) -> NDArray[np.bool_]:
+    """Return at which points a multiplier is at 1 within its error, as all along a family; all where none is known."""
+    values = None if hasattr(curve, "eigenvalues") else _critical(curve)
+    if values is None:
+        return np.ones(len(curve), dtype=bool)
+    away = np.abs(values - 1.0).min(axis=1, initial=math.inf)
+    return np.asarray(~(away > critical_error(getattr(curve, "tolerance", SOLVED))))
 
 
 def _together(curve: Any, point: Any, value: float) -> bool:

@@ -39,7 +39,7 @@ from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
 from saltus.continuation.runs.pieces import in_more_pieces
 from saltus.continuation.runs.run import Going
-from saltus.continuation.runs.to_homoclinic import end_unbounded
+from saltus.continuation.runs.to_homoclinic import end_unbounded, on_canard
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide
 from saltus.errors import InputError
 from saltus.orbits.cuts import cut, stretched
@@ -248,7 +248,8 @@ class OrbitRun(OneParameterRun):
 
     def arrived(self, half: OneSide, piece: OrbitZeroProblem, point: Point) -> str | Going | None:
         """See `Run.arrived`."""
-        if (grown := grows_for_ever(half.points)) is not None:
+        grown = grows_for_ever(half.points)
+        if grown is not None and not on_canard(half, self.interest):
             return self._unbounded(half, grown)
         if (swollen := swells_for_ever(half.points)) is not None:
             return f"{self.place(point)}: {swollen}"

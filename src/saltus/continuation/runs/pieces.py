@@ -11,7 +11,7 @@ import numpy as np
 from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.phase_plane import transferred
-from saltus.orbits.cuts import cut, started_elsewhere, stretched
+from saltus.orbits.cuts import cut, cut_again, squeezed, started_elsewhere, stretched
 from saltus.orbits.problem import OrbitProblem
 
 if TYPE_CHECKING:
@@ -44,10 +44,16 @@ def in_more_pieces(
     most : int
         Most pieces.
     """
-    if not stretched(branch.problem, item.J):
+    elsewhere = again = None
+    if branch.problem.relaxes and (stretched(branch.problem, item.J) or squeezed(branch.problem, item.u)):
+        again = cut_again(branch.problem, item.u, item.J)
+    if again is not None:
+        problem, u = again
+    elif stretched(branch.problem, item.J):
+        elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff else None
+        problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
+    else:
         return None
-    elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff else None
-    problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
     if len(problem.signature) > most:
         return f"an orbit so unstable that it needs more than {most} pieces"
     finer = zero_problem(problem, u)

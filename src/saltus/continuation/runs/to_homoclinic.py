@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from saltus.continuation.problems.ends.homoclinic import NONE_NEAR, located
+from saltus.continuation.problems.ends.homoclinic_problem import NO_SADDLE
 from saltus.continuation.problems.ends.long_cycles import long_cycles
 from saltus.continuation.problems.ends.unbounded import LONGEST, period_of, told
 from saltus.continuation.runs.two_sided import Found
@@ -17,7 +18,20 @@ if TYPE_CHECKING:
     from saltus.continuation.core.interest import Interest
     from saltus.continuation.runs.two_sided import OneSide
 
-__all__ = ["end_unbounded"]
+__all__ = ["end_unbounded", "on_canard"]
+
+
+# why no homoclinic orbit is located where none is to be expected
+_CANARD = (NONE_NEAR, NO_SADDLE)
+
+
+def on_canard(half: OneSide, interest: Interest) -> bool:
+    """Return whether the period of the last point grows along a canard, near no equilibrium, so that cycles go on.
+
+    A branch ends all the same at a thousand times the first period.
+    """
+    longest = LONGEST * period_of(*half.points[0])
+    return period_of(*half.points[-1]) < longest and located(half.points, interest.low, interest.high) in _CANARD
 
 
 def end_unbounded(half: OneSide, interest: Interest) -> str:
@@ -32,7 +46,7 @@ def end_unbounded(half: OneSide, interest: Interest) -> str:
     """
     period = period_of(*half.points[-1])
     found = located(half.points, interest.low, interest.high)
-    if found == NONE_NEAR:
+    if found in _CANARD:
         return f"the period grows while the parameter rests (T = {period:.6g}); {found}, as on a canard"
     if isinstance(found, str):
         return f"{told(period)}; no homoclinic orbit is located: {found}"

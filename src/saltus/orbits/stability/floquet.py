@@ -242,14 +242,20 @@ def _of_pieces(
             values[-1] = math.copysign(
                 math.exp(float(logs.sum()) - math.log(abs(others))), float(signs.prod()) * others
             )
+    if problem.relaxes:  # as many multipliers are error as directions that a piece contracts below its own error
+        sizes = np.linalg.svd(maps, compute_uv=False)
+        lost = int(np.sum(sizes < scales.MULTIPLIER_LOST * problem.tol * sizes[:, :1], axis=1).max())
+        values[values.size - lost :] = 0.0
     return np.append(values, 1.0)
 
 
 def _of_product(blocks: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the eigenvalues of blocks[-1] ... blocks[0], largest first, each to digits of its own."""
+    """Return the eigenvalues of blocks[-1] ... blocks[0], largest first, each to digits of its own; NaN of none."""
     from saltus.orbits.kernels.cyclic import triangularise
 
     count, n = len(blocks), blocks.shape[1]
+    if not np.all(np.isfinite(blocks)):  # on a mesh too coarse for the sensitivities
+        return np.full(n, np.nan + 0j)
     triangles, turn = np.empty((count, n, n)), np.empty((n, n))
     triangularise(np.ascontiguousarray(blocks), _ROUNDS, scales.DECOUPLED, triangles, turn)
     parts = [0, *(s for s in range(1, n) if np.abs(turn[s:, :s]).max() < scales.DECOUPLED), n]
