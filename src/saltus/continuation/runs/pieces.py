@@ -70,16 +70,16 @@ def in_more_pieces(
 def _agreement(problem: OrbitProblem, item: Point, tangent: NDArray[np.float64], *, moved: bool) -> float:
     """Return the product of a point's tangent with that of its orbit in more pieces: positive in one direction.
 
-    The first piece starts at the old place, perhaps in another phase plane. Where it is `moved` along the orbit, period
-    and parameter are compared, which no start changes.
+    Period and parameter are compared, which no start changes. The first piece starts at the old place, perhaps in
+    another phase plane, unless it is `moved` along the orbit. Its states are compared too, but rest where it is slow.
     """
     n, size = problem.n, problem.size
+    period = float(item.u[n : size : n + 1].sum())
+    slopes = [float(along[n : -1 : n + 1].sum()) / period for along in (item.tangent, tangent)]
     if moved:
-        period = float(item.u[n : size : n + 1].sum())
-        slopes = [float(along[n : -1 : n + 1].sum()) / period for along in (item.tangent, tangent)]
         return slopes[0] * slopes[1] + float(item.tangent[-1] * tangent[-1])
     same = item.tangent.copy()
     same[:n], same[-1] = tangent[:n], tangent[-1]
     same = transferred(problem, item.u, same)
     own = np.append(np.arange(n), -1)
-    return float((item.weights[own] * item.tangent[own]) @ same[own])
+    return slopes[0] * slopes[1] + float((item.weights[own] * item.tangent[own]) @ same[own])

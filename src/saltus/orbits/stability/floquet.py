@@ -223,6 +223,8 @@ def _of_pieces(
         laws, units = problem.system.laws, scale[: len(problem.system.states)]
         leaf = Leaf(laws.matrix(problem.parameters_at(u)) * units, np.ones(units.size))
         maps, left = leaf.within(maps), leaf.widened(problem.n)
+    if not np.all(np.isfinite(maps)):  # on a mesh too coarse for the sensitivities
+        return np.full(maps.shape[1] - (problem.system.phase is not None), np.nan + 0j)
     if problem.system.phase is not None:
         return _of_product(maps[:, :-1, :-1])
     if flows is None:
@@ -250,12 +252,10 @@ def _of_pieces(
 
 
 def _of_product(blocks: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the eigenvalues of blocks[-1] ... blocks[0], largest first, each to digits of its own; NaN of none."""
+    """Return the eigenvalues of blocks[-1] ... blocks[0], largest first, each to digits of its own."""
     from saltus.orbits.kernels.cyclic import triangularise
 
     count, n = len(blocks), blocks.shape[1]
-    if not np.all(np.isfinite(blocks)):  # on a mesh too coarse for the sensitivities
-        return np.full(n, np.nan + 0j)
     triangles, turn = np.empty((count, n, n)), np.empty((n, n))
     triangularise(np.ascontiguousarray(blocks), _ROUNDS, scales.DECOUPLED, triangles, turn)
     parts = [0, *(s for s in range(1, n) if np.abs(turn[s:, :s]).max() < scales.DECOUPLED), n]
