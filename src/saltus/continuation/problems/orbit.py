@@ -275,11 +275,11 @@ class OrbitZeroProblem:
             problem.set_parameters(point.u)
             fault = DOUBT if several else None
         single = [name for name in monitors if name.kind in ("PD", "BP", "TR")] if several is False else []
-        both = (*before.examined.data.followed, *followed)
-        far = len(followed) > 1 or all(circle_tests([value]).far for value in both)
-        if CUT_END in problem.signature.kinds and far and not several:
+        if CUT_END in problem.signature.kinds and not several:
             # products of distances change by powers of ten; what the multipliers do is known
-            single = [name for name in monitors if name.kind in ("SN", "PD", "BP", "TR")]
+            both = (*before.examined.data.followed, *followed)
+            far = len(followed) > 1 or all(circle_tests([value]).far for value in both)
+            single = single if not far else [name for name in monitors if name.kind in ("SN", "PD", "BP", "TR")]
         return Examined(monitors, fault, data, doubled_by(followed), frozenset(single))
 
     def _spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
