@@ -1,51 +1,116 @@
-"""A branch of cycles passes a canard explosion from either end, with the fold where simulations begin to die."""
+"""Cycles along a canard, of which nothing is left but the slow motion along what repels."""
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
 
 import saltus
-
-FOLDS = {0.08: 0.324178522504, 0.05: 0.311979818354}  # where motions of FitzHugh and Nagumo's neuron begin to die
-
-
-def neuron(rate: float) -> saltus.HybridSystem:
-    fields = {"v": "v - v**3/3 - w + I", "w": "e*(v + 0.7 - 0.8*w)"}
-    return saltus.HybridSystem.smooth(fields, {"I": 0.5, "e": rate}, name="FitzHugh-Nagumo")
+from saltus.continuation.problems.phase_plane import transferred
+from saltus.orbits.cuts import clustered
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, CUT_END, Signature
+from selection import guarding
 
 
-def swing(rate: float, current: float, span: float = 2500.0) -> float:
-    """Return the range of the voltage at the end of a motion that SciPy follows from a large cycle."""
-
-    def field(t: float, x: np.ndarray) -> list[float]:
-        return [x[0] - x[0] ** 3 / 3.0 - x[1] + current, rate * (x[0] + 0.7 - 0.8 * x[1])]
-
-    places = np.linspace(span - 300.0, span, 3001)
-    motion = solve_ivp(field, (0.0, span), [1.0, 0.0], rtol=1e-12, atol=1e-13, method="DOP853", t_eval=places)
-    return float(np.ptp(motion.y[0]))
+def hindmarsh_rose(r):
+    field = {"x": "y - x**3 + 3*x**2 - z + I", "y": "1 - 5*x**2 - y", "z": "r*(4*(x + 1.6) - z)"}
+    return saltus.HybridSystem.smooth(field, {"I": 1.0, "r": r})
 
 
-@pytest.mark.parametrize("rate", FOLDS)
-def test_branch_is_the_same_from_both_ends_of_a_canard_explosion(rate):
-    system = neuron(rate)
-    rest = saltus.find_equilibrium(system, {"I": 0.0}, x0=[-1.0, -0.5])
-    hopf = saltus.continue_equilibrium(rest, "I", (0.0, 1.0))["HB1"]
-    small = saltus.continue_orbit(saltus.switch_branch(hopf), "I", (0.0, 0.6))
-    large = saltus.continue_orbit(saltus.find_orbit(system, x0=[1.0, 0.0]), "I", (0.0, 0.6))
-    for branch in (small, large):
-        assert sorted(point.type for point in branch.special_points) == ["HB", "SN"]
-        assert branch["SN1"].parameters["I"] == pytest.approx(FOLDS[rate], abs=2e-12)
-        assert branch["HB1"].parameters["I"] == pytest.approx(hopf.parameters["I"], abs=1e-10)
-        assert sorted(end.split(": ")[1] for end in branch.stopped) == [
-            "bound reached",
-            "the cycle shrinks to an equilibrium",
-        ]
-        assert not branch.audit.breaches
-        assert not branch.audit.remarks
-        assert np.all(branch.multipliers[:, 0].real >= 0.0)  # of a planar flow; 0 below its error
+@pytest.mark.parametrize("r", guarding([0.005, 0.01]))
+def test_cycles_go_on_along_a_canard_as_shooting_does(r):
+    rest = saltus.find_equilibrium(hindmarsh_rose(r), x0=[-1.3, -7.5, 1.2])
+    branch = saltus.continue_equilibrium(rest, "I", bounds=(0.0, 6.0))
+    born = saltus.switch_branch(branch["HB1"])
+    cycles = saltus.continue_orbit(born, "I", (0.0, 6.0), steps=saltus.StepControl(max_points=70))
+    beyond = 289.0 if r == 0.005 else 172.0  # where branches ended: 286.6 and 170.7
+    rows = np.flatnonzero(cycles.period > beyond)
+    assert rows.size
+    orbit = cycles.solution(int(rows[np.argmin(cycles.period[rows])]))
+    level = orbit.x0[0]
+
+    def gap(u):
+        run = solve_ivp(
+            lambda t, x: [x[1] - x[0] ** 3 + 3 * x[0] ** 2 - x[2] + u[2], 1 - 5 * x[0] ** 2 - x[1],
+                          r * (4 * (x[0] + 1.6) - x[2])],
+            (0, orbit.period), [level, u[0], u[1]], rtol=1e-12, atol=1e-13, method="DOP853",
+        )  # fmt: skip
+        return run.y[:, -1] - [level, u[0], u[1]]
+
+    found = fsolve(gap, [*orbit.x0[1:3], orbit.parameters["I"]], xtol=1e-13)
+    assert np.max(np.abs(gap(found))) < 1e-7  # shooting has found an orbit of its own
+    assert orbit.parameters["I"] == pytest.approx(found[2], rel=1e-9)
 
 
-@pytest.mark.parametrize("rate", FOLDS)
-def test_fold_on_a_canard_is_where_simulated_cycles_begin_to_die(rate):
-    assert swing(rate, FOLDS[rate] + 1e-9) > 3.0
-    assert swing(rate, FOLDS[rate] - 1e-9) < 1e-3
+def test_meshes_that_do_not_settle_are_cut_where_they_are_too_coarse():
+    problem = OrbitProblem(hindmarsh_rose(0.01), Signature((0,), (-1,), (CLOSED_END,), 0), np.array([3.0, 0.01]))
+    u = np.array([0.0, 0.0, 3.0, 5.0])
+    problem.start(u)
+    problem.evaluate(u)
+    for _ in range(8):  # errors that moves of meshes do not lessen
+        places = problem.mesh[0].copy()
+        problem._errors[:] = 1.0
+        problem._errors[3] = problem._worst = 20.0
+        assert not problem.refine()
+    assert problem.mesh[0] == pytest.approx(np.insert(places, 4, 0.5 * (places[3] + places[4])))
+    assert problem.mesh[1][-1] == problem.mesh[0].size
+    assert np.isfinite(problem.evaluate(u)[1]).all()
+
+
+@pytest.mark.parametrize("r", guarding([0.005]))
+def test_a_turn_on_a_canard_is_a_saddle_node_where_shooting_finds_the_turn(r):
+    rest = saltus.find_equilibrium(hindmarsh_rose(r), x0=[-1.3, -7.5, 1.2])
+    branch = saltus.continue_equilibrium(rest, "I", bounds=(0.0, 6.0))
+    born = saltus.switch_branch(branch["HB1"])
+    cycles = saltus.continue_orbit(born, "I", (0.0, 6.0), steps=saltus.StepControl(max_points=110))
+    assert cycles.audit.passed
+    assert not cycles.audit.remarks  # the parameter rests there within 1e-9, but the cycles are no family
+    turn = max(cycles.special_points.of_type("SN"), key=lambda point: point.orbit.period)
+    assert turn.orbit.period == pytest.approx(331.02, abs=0.01)
+    # the whole way onto the canard and back takes some hundred points
+    assert np.any((cycles.period < 200.0) & (cycles.values > 1.3))
+    orbit, found = turn.orbit, []
+    for period in orbit.period + np.array([0.0, -1.0, 0.1]):
+
+        def gap(u, period=period):
+            run = solve_ivp(
+                lambda t, x: [x[1] - x[0] ** 3 + 3 * x[0] ** 2 - x[2] + u[2], 1 - 5 * x[0] ** 2 - x[1],
+                              r * (4 * (x[0] + 1.6) - x[2])],
+                (0, period), [orbit.x0[0], u[0], u[1]], rtol=1e-12, atol=1e-13, method="DOP853",
+            )  # fmt: skip
+            return run.y[:, -1] - [orbit.x0[0], u[0], u[1]]
+
+        u = fsolve(gap, [*orbit.x0[1:3], orbit.parameters["I"]], xtol=1e-13)
+        assert np.max(np.abs(gap(u))) < 1e-7
+        found.append(u[2])
+    assert turn.parameters["I"] == pytest.approx(found[0], rel=1e-9)
+    assert found[0] < min(found[1:])
+
+
+def test_pieces_on_planes_have_the_tangent_of_pieces_with_shares_of_the_period():
+    """A cut that keeps its place moves along the orbit, over one that keeps its share of the period, by the time that
+    the durations before it lose."""
+    count, rest = 4, saltus.find_equilibrium(hindmarsh_rose(0.01), x0=[-1.3, -7.5, 1.2])
+    born = saltus.switch_branch(saltus.continue_equilibrium(rest, "I", bounds=(0.0, 6.0))["HB1"])
+    whole, n = born.problem(), 3
+    u = born.unknowns
+    whole.resolve(u)
+    whole.survey(u)
+    starts = [u[:n], *(whole.state_on(0, clustered(i / count)) for i in range(1, count))]
+    form = Signature((0,) * count, (-1,) * count, (CLOSED_END,) + (CUT_END,) * (count - 1), 0)
+    problem = OrbitProblem(whole.system, form, whole.parameters_at(u), (0,), np.ones(1))
+    cut = np.append(np.concatenate([np.append(x, u[n] / count) for x in starts]), born.parameters["I"])
+    problem.start(cut)
+    shares = null_vector(problem.resolve(cut)[1])
+    problem.fix_phase(cut, problem.survey(cut), cuts=True)
+    planes = null_vector(problem.evaluate(cut)[1])
+    assert np.max(np.abs(problem.evaluate(cut)[0][n :: n + 1])) == 0.0
+    assert problem.facings(cut) == pytest.approx(np.ones(count))
+    moved = transferred(problem, cut, shares)
+    assert moved * np.sign(moved @ planes) / np.linalg.norm(moved) == pytest.approx(planes, abs=1e-7)
+    assert moved[n:-1:4].sum() == pytest.approx(shares[n:-1:4].sum(), rel=1e-9)
+
+
+def null_vector(J):
+    return np.linalg.svd(J)[2][-1]

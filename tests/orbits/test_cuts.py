@@ -102,6 +102,16 @@ def test_multipliers_of_a_long_cycle_are_those_of_scipy(
 
 
 @pytest.mark.campaign
+def test_all_turns_next_to_a_shilnikov_orbit_are_saddle_nodes(circuit) -> None:
+    folds = sorted(circuit.special_points.of_type("SN"), key=lambda point: point.arclength)
+    assert len(folds) >= 16
+    turns = np.diff([point.parameters["nu"] for point in folds[1:]])
+    assert np.all(turns[:-1] * turns[1:] < 0.0)  # Glendinning and Sparrow: the parameter goes to and fro
+    assert circuit.audit.passed
+    assert not circuit.audit.remarks
+
+
+@pytest.mark.campaign
 def test_multipliers_keep_their_digits_as_the_period_grows_to_that_of_the_homoclinic_orbit(circuit) -> None:
     doubling = next(p for p in circuit.special_points.of_type("PD") if p.orbit.period > 58.9)
     assert doubling.orbit.period == pytest.approx(58.976, abs=1e-2)

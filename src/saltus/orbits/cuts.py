@@ -21,6 +21,7 @@ import numpy as np
 from saltus.errors import ConvergenceError
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END, Signature
+from saltus.scales import EPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,11 +34,13 @@ __all__ = [
     "check_measured",
     "clustered",
     "cut",
+    "cut_again",
     "grows_within",
     "held",
     "in_shares",
     "piece_maps",
     "reflector",
+    "squeezed",
     "started_elsewhere",
     "stretched",
     "whole",
@@ -46,6 +49,7 @@ __all__ = [
 STRETCHED = 1e3  # growth of a sensitivity over a piece, in the states' units, at which an orbit is cut
 TAUT = 30.0  # growth above which a piece is cut again once any is
 _SLACK = 1e-4  # contraction below which a piece is cut again once any is
+_SQUEEZED = 0.5  # share of its duration at the cut below which a piece is joined with its neighbour
 _TAME = 3.0  # growth up to which a start is good enough
 _PLACES = 12  # places on an orbit, at equal times, at which it may start
 _FOLLOWED = 1e6  # growth over a piece up to which Newton's method leads from such a guess to the orbit
@@ -89,7 +93,7 @@ def stretched(problem: OrbitProblem, J: NDArray[np.float64]) -> bool:
     """
     if problem.signature.kinds[0] not in (PHASE_END, CLOSED_END) or problem.segments >= MOST_PIECES:
         return False
-    if CUT_END in problem.signature.kinds:
+    if CUT_END in problem.signature.kinds and not problem.relaxes:
         return float(_need(piece_maps(problem, J)).max()) > STRETCHED
     scale, entries = problem.common_scale, np.abs(J[:, : problem.size])
     if (float(entries.max()) + 1.0) * float(scale.max()) <= STRETCHED * float(scale.min()):
@@ -110,7 +114,7 @@ def grows_within(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.fl
     if not np.all(np.isfinite(columns)) or float(columns.max()) <= STRETCHED:
         return False
     try:
-        finer, moved = cut(problem, u, J, least=_LOOKED)
+        finer, moved = cut(problem, u, J, fewest=_LOOKED, contraction=False)
     except ConvergenceError:  # beyond all numbers: there are no pieces in which to go on
         return False
     maps = across_flow(finer, moved, piece_maps(finer, finer.evaluate(moved)[1]))
@@ -155,7 +159,12 @@ def _need(maps: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def cut(
-    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], least: int = 1
+    problem: OrbitProblem,
+    u: NDArray[np.float64],
+    J: NDArray[np.float64],
+    *,
+    fewest: int = 1,
+    contraction: bool = True,
 ) -> tuple[OrbitProblem, NDArray[np.float64]]:
     """Return the equations and unknowns of a smooth orbit in more pieces, each cut in half while it is too sensitive.
 
@@ -165,14 +174,25 @@ def cut(
         Its equations, meshes made for it.
     J : ndarray, shape (size, size + active)
         Jacobian there.
-    least : int, optional
+    fewest : int, optional
         Pieces that there are to be in any case.
+    contraction : bool, optional
+        Whether pieces are also cut for what they contract. None is where that takes too many, as of a fast state that
+        follows a slow one.
     """
-    n = problem.n
+    n, begun = problem.n, (problem, u, J)
     while problem.segments < MOST_PIECES:
         maps = piece_maps(problem, J)
         check_measured(maps)
-        growth = _need(maps) if problem.segments >= least else np.full(problem.segments, math.inf)
+        growth = np.abs(maps).max(axis=(1, 2)).astype(np.float64)
+        if problem.segments < fewest:
+            growth = np.full(problem.segments, math.inf)
+        elif contraction:
+            least = np.linalg.svd(maps, compute_uv=False)[:, -1]
+            # what contracts by more than that beside what grows would be lost in the rounding of a piece
+            if _pieces_that_contract(growth, least.astype(np.float64)) > MOST_PIECES:
+                return _cut_for_growth(*begun)
+            growth = np.maximum(growth, TAUT * _SLACK / np.maximum(least, 1e-300))
         if not growth.max() > TAUT:
             break
         problem.survey(u)
@@ -194,6 +214,65 @@ def cut(
         problem, u = finer, moved
         J = problem.evaluate(u)[1]
     return problem, u
+
+
+def _pieces_that_contract(growth: NDArray[np.float64], least: NDArray[np.float64]) -> float:
+    """Return how many pieces at least contract so little that nothing is lost in their rounding.
+
+    growth, least : ndarray, shape (pieces,)
+        Largest entry and least singular value of each piece's map; the second one is rounding where it is too small.
+    """
+    known = np.maximum(least, EPS * growth)
+    return float(np.maximum(np.log(np.minimum(known, 1.0)) / math.log(_SLACK), 1.0).sum())
+
+
+def squeezed(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
+    """Return whether a piece between two planes has become short, as the orbit draws back from where it was cut."""
+    if problem.phase_plane.size <= 2 * problem.n:
+        return False
+    durations = u[problem.n : problem.size : problem.n + 1]
+    return bool(np.any(durations < _SQUEEZED * problem.begun_durations))
+
+
+def cut_again(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+) -> tuple[OrbitProblem, NDArray[np.float64]] | None:
+    """Return the equations and unknowns of an orbit that relaxes, cut anew for its growth; None without room.
+
+    Pieces over which little grows together are joined, and what still grows is cut.
+    """
+    n, heads = problem.n, _heads(piece_maps(problem, J))
+    if len(heads) == problem.segments or 2 * len(heads) > MOST_PIECES:
+        return None
+    rows = u[: problem.size].reshape(problem.segments, n + 1)
+    fewer = rows[heads].copy()
+    fewer[:, n] = np.add.reduceat(rows[:, n], heads)
+    old, count = problem.signature, len(heads)
+    form = Signature(old.modes[:count], old.transitions[:count], old.kinds[:count], old.turns)
+    joined, moved = _alike(problem, u, form), np.concatenate([fewer.ravel(), u[problem.size :]])
+    if joined.start(moved) is not None:
+        return None
+    return _cut_for_growth(joined, moved, joined.evaluate(moved)[1])
+
+
+def _cut_for_growth(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+) -> tuple[OrbitProblem, NDArray[np.float64]]:
+    """Return what `cut` does, pieces cut for what grows alone."""
+    finer, moved = cut(problem, u, J, contraction=False)
+    finer.relaxes = True
+    return finer, moved
+
+
+def _heads(maps: NDArray[np.float64]) -> list[int]:
+    """Return the first of each row of pieces that may be one, since little grows over all of them."""
+    heads, product = [0], maps[0]
+    for i in range(1, len(maps)):
+        product = maps[i] @ product
+        if not float(np.abs(product).max()) <= TAUT:
+            heads.append(i)
+            product = maps[i]
+    return heads
 
 
 def started_elsewhere(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]] | None:

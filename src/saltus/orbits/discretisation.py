@@ -29,7 +29,7 @@ _SETTLING = 6  # of meshes in a row until steps are cut only
 _LONGER = 0.05  # change of a duration from which the dense output is laid out anew
 _DISCRETISATION = (
     "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
-    "_surface_rows", "begun", "_explicit",
+    "_surface_rows", "begun", "_explicit", "relaxes",
 )  # fmt: skip
 
 Dense = tuple["NDArray[np.float64]", "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]
@@ -48,6 +48,7 @@ class Discretised(ABC):
     begun: Survey
     mesh: tuple[NDArray[np.float64], NDArray[np.int64]]  # clustered times, and where each segment's begin
     stiff: bool  # whether steps are implicit
+    relaxes: bool  # whether pieces contract so far that they are cut for growth alone, and start on planes
     linear: Frames | None  # parts of the modes' fields in whose frames steps are taken
     _active: NDArray[np.int64]
     _slides: bool

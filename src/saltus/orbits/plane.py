@@ -1,4 +1,4 @@
-"""The plane on which a closed smooth orbit starts."""
+"""The plane on which a closed smooth orbit starts, and those on which its further pieces start where it is cut."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from saltus.scales import OBLIQUE
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["normal_across"]
+__all__ = ["facings", "further_planes", "normal_across"]
 
 
 def normal_across(slope: NDArray[np.float64], outwards: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -36,3 +36,40 @@ def normal_across(slope: NDArray[np.float64], outwards: NDArray[np.float64]) -> 
     if not float(normal @ normal) > OBLIQUE**2:
         normal = slope
     return np.asarray(normal / max(float(slope @ normal), 1e-300))
+
+
+def further_planes(
+    starts: NDArray[np.float64], flows: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return point and normal of the plane across the flow at each further piece's start, one after the other.
+
+    A cut keeps its place among the states while the durations of the pieces change. At a fixed share of the period it
+    would move along the orbit instead, and through each jump of a fast state.
+
+    Parameters
+    ----------
+    starts, flows : ndarray, shape (planes, n)
+        States at the starts, and the flow there.
+    sizes : ndarray, shape (n,)
+        Sizes of the states.
+    """
+    slopes = flows / sizes
+    normals = slopes / np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)[:, None] / sizes
+    return np.asarray(np.concatenate([starts, normals], axis=1).ravel())
+
+
+def facings(planes: NDArray[np.float64], flows: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how steeply a flow crosses each plane, over its speed there, shape (planes,).
+
+    Parameters
+    ----------
+    planes : ndarray, shape (planes, 2, n)
+        Their points and normals.
+    flows : ndarray, shape (planes, n)
+        The flow where an orbit crosses them.
+    sizes : ndarray, shape (n,)
+        Sizes of the states.
+    """
+    speeds = [float(np.linalg.norm(flow / sizes)) for flow in flows]
+    rows = zip(flows, planes, speeds, strict=True)
+    return np.array([float(f @ plane[1]) / speed if speed > 0.0 else 0.0 for f, plane, speed in rows])

@@ -16,7 +16,7 @@ from saltus.orbits.discretisation import Dense, Discretised
 from saltus.orbits.frames import lawson_steps
 from saltus.orbits.landed import on_surfaces
 from saltus.orbits.meshes import adapted, crowding, decays, decays_along, implicit_second, implicit_steps, joined
-from saltus.orbits.plane import normal_across
+from saltus.orbits.plane import facings, further_planes, normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import at_rest, mark_driven, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
@@ -90,8 +90,9 @@ class OrbitProblem(Discretised):
         self._active = np.array(self.active, dtype=np.int64)
         self.scales = np.array(self.scales, dtype=np.float64)
         self.extended = compiled.extended(self.p)
-        self._anchor = np.zeros(2 * self.n)
-        self._shares = np.ones(self.segments)
+        # point and normal of the plane on which a closed curve starts, 2 n numbers, and of those of its pieces
+        self.phase_plane = np.zeros(2 * self.n)
+        self.begun_durations = self._shares = np.ones(self.segments)
         self.state_scale = np.ones(self.n)
         self._atol = self.tol
         self._nearest = 1.0
@@ -99,7 +100,7 @@ class OrbitProblem(Discretised):
         self._surface_rows = np.zeros((2, 0, len(self.system.states)))
         self._common: tuple[NDArray[np.float64], ...] | None = None  # rows and sizes that common sizes are known of
         self.stiff, self._looked, self._rough, self._unsettled = False, 0, False, 0
-        self.linear = None
+        self.linear, self.relaxes = None, False
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
         self.conserving = self.conserving or KeptTotals(self.system)
@@ -171,7 +172,8 @@ class OrbitProblem(Discretised):
         self.stiff, self.linear = False, None
         if (blocked := self._adapt(u)) is not None:
             return blocked
-        self._shares = np.abs(blocks[:, self.n]) / max(float(np.abs(blocks[:, self.n]).sum()), 1e-300)
+        self.begun_durations = np.abs(blocks[:, self.n])
+        self._shares = self.begun_durations / max(float(self.begun_durations.sum()), 1e-300)
         self.begun = survey = self.survey(u)
         self.rescale(survey)
         self.fix_phase(u, survey)
@@ -244,33 +246,28 @@ class OrbitProblem(Discretised):
             own, given = slice(starts[i], starts[i + 1]), (self.extended, float(blocks[i, self.n]))
             self._decays[i] = decays_along(compiled, int(self.modes[i]), nodes[own], places[own], given)
 
-    @property
-    def phase_plane(self) -> NDArray[np.float64]:
-        """Point and normal, shape (2 n,), of the plane on which a closed curve's first segment starts."""
-        return self._anchor
+    def fix_phase(self, u: NDArray[np.float64], survey: Survey, *, cuts: bool = False) -> None:
+        """Lay the plane of `normal_across`, in units of the states' sizes, through the start of the orbit `u`.
 
-    @phase_plane.setter
-    def phase_plane(self, plane: NDArray[np.float64]) -> None:
-        self._anchor = plane
-
-    def fix_phase(self, u: NDArray[np.float64], survey: Survey) -> None:
-        """Lay the plane of the phase condition through the start of the orbit `u`, across the flow.
-
-        The plane is that of `normal_across`, in units of the states' sizes. Its `facing` is 1.
+        cuts: whether further pieces start on planes of their own, too, not at fixed shares of the period.
         """
         if not self.slides:
             return
         outwards = u[: self.n] - 0.5 * (survey.lows[: self.n] + survey.highs[: self.n])
         normal = normal_across(self.flow_at_start(u) / self.state_scale, outwards / self.state_scale)
-        self._anchor = np.concatenate([u[: self.n], normal / self.state_scale])
+        starts, flows = u[: self.size].reshape(self.segments, -1)[1:, : self.n], self.flows_at_starts(u)[1:]
+        further = further_planes(starts, flows, self.state_scale) if cuts else _NONE
+        self.phase_plane = np.concatenate([u[: self.n], normal / self.state_scale, further])
 
     def facing(self, u: NDArray[np.float64]) -> float:
         """Return how steeply the flow crosses the phase condition's plane, over that at its point; 1 without one."""
-        if not self.slides:
-            return 1.0
-        slope = self.flow_at_start(u)
-        size = float(np.linalg.norm(slope / self.state_scale))
-        return float(slope @ self._anchor[self.n :]) / size if size > 0.0 else 0.0
+        return float(self.facings(u)[0]) if self.slides else 1.0
+
+    def facings(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the same for each of the planes of a closed curve."""
+        planes = self.phase_plane.reshape(-1, 2, self.n)
+        flows = self.flow_at_start(u)[None, :] if len(planes) == 1 else self.flows_at_starts(u)
+        return facings(planes, flows, self.state_scale)
 
     def event_sizes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how much each segment's event function varies with the states' sizes, shape (segments,)."""
@@ -344,7 +341,7 @@ class OrbitProblem(Discretised):
 
     def correct(self, plane: tuple[Any, ...], numbers: NDArray[np.float64], written: tuple[Any, ...]) -> int:
         """Call `saltus.orbits.kernels.newton.newton` on the meshes as they are; `written` are u, F, J and steps."""
-        (u, F, J, steps), tolerances, phase = written, (self.tol, self._atol), (self._anchor, self._shares)
+        (u, F, J, steps), tolerances, phase = written, (self.tol, self._atol), (self.phase_plane, self._shares)
         given = self.record, self.mesh, phase, tolerances, plane, numbers
         told = self.newton.newton(*given, u, F, J, self._errors, steps)
         self._worst = float(numbers[self.newton.WORST])

@@ -74,8 +74,10 @@ class Mesh(NamedTuple):
 class Phase(NamedTuple):
     """The phase conditions: where on an orbit its segments start."""
 
-    anchor: NDArray[np.float64]  # shape (2 n,): point and normal of the plane on which a closed curve starts
-    shares: NDArray[np.float64]  # shape (segments,): each segment's part of the period, kept at cuts
+    # shape (2 n,): point and normal of the plane on which a closed curve starts; (2 n segments,) where further pieces
+    # start on planes of their own
+    anchor: NDArray[np.float64]
+    shares: NDArray[np.float64]  # shape (segments,): each segment's part of the period, kept at cuts without a plane
 
 
 class Dense(NamedTuple):

@@ -25,10 +25,7 @@ NEUTRAL = 1e-5
 # Distance of a multiplier from its critical value that confirms a bifurcation, besides its error.
 CONFIRMED = 1e-5
 
-# Distance of a multiplier from 1 up to which the orbit of a branch may be one of a family: it is nearly double.
-ONE_OF_FAMILY = 1e-5
-
-# The same of a first orbit, whose equations then decide.
+# Distance of a multiplier from 1 up to which a first orbit may be one of a family; its equations then decide.
 PERHAPS_OF_FAMILY = 1e-2
 
 # Distance of a multiplier or condition from the critical place up to which a start or an orbit is taken for critical.

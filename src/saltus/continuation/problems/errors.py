@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.core.zero_problem import Point
+    from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["algebraic_error", "orbit_error"]
+__all__ = ["algebraic_error", "clear_of_one", "orbit_error"]
 
 _PATTERNS = (3, 5)  # multiplier in a pattern of signs
 
@@ -70,15 +71,25 @@ def orbit_error(self: Any, name: Monitor, point: Point) -> float:
     if name.kind != "SN" or point.examined.data is None:
         return 0.0
     J = self.own(point.J)
-    values = point.examined.data.multipliers
-    inner = nontrivial(values, autonomous=self.problem.system.phase is None)
-    errors = multiplier_errors(self.problem, point.u, J, values)[: inner.size]
-    if all(zero(abs(v - 1.0), e) is Verdict.NO for v, e in zip(inner, errors, strict=True)):
+    if clear_of_one(self.problem, point.u, J, point.examined.data.multipliers):
         return 0.0
     if CUT_END in self.problem.signature.kinds:  # the function is the product of the multipliers' distances from 1
         return math.inf
     along = [self.monitor(name, _turned(self, point, J)) for J in (point.J, with_errors(self.problem, point.J))]
     return abs(along[1] - along[0]) if all(map(math.isfinite, along)) else math.inf
+
+
+def clear_of_one(
+    problem: OrbitProblem,
+    u: NDArray[np.float64],
+    J: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    least: float = 0.0,
+) -> bool:
+    """Return whether no multiplier but the trivial one is at 1 within its error, which is no less than `least`."""
+    inner = nontrivial(values, autonomous=problem.system.phase is None)
+    errors = np.maximum(multiplier_errors(problem, u, J, values)[: inner.size], least)
+    return all(zero(abs(v - 1.0), e) is Verdict.NO for v, e in zip(inner, errors, strict=True))
 
 
 def _turned(self: Any, point: Point, J: NDArray[np.float64]) -> Point:

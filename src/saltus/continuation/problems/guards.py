@@ -6,13 +6,14 @@ docs/theory/continuation.md, "Special points", explains them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.zero_problem import Point
+from saltus.continuation.problems.errors import clear_of_one
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.critical import openness
@@ -27,9 +28,11 @@ from saltus.scales import (
     PARAMETER_PERHAPS_RESTS,
     PARAMETER_RESTS,
     PARAMETER_ROUNDED,
+    POINT_OF_BRANCH,
     RESIDUAL_KEPT,
     SLOWED,
     split,
+    value_error,
 )
 
 if TYPE_CHECKING:
@@ -51,11 +54,18 @@ ROUGH_MEETING = "location: errors at the tolerance part the branches that meet"
 
 
 def unconfirmed(
-    problem: OrbitProblem, kind: str, u: NDArray[np.float64], J: NDArray[np.float64], values: NDArray[np.complex128]
+    problem: OrbitProblem,
+    kind: str,
+    u: NDArray[np.float64],
+    J: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    step: tuple[Point, Point] | None = None,
 ) -> bool:
     """Return whether no multiplier is at 1 (SN), -1 (PD) or on the unit circle (TR) within its error.
 
     Next to a grazing a multiplier is infinite. The others are then too inaccurate to contradict: the result is False.
+    On a canard multipliers pass their critical places so fast that the point's place does not tell them. `step` has the
+    ends of its step.
     """
     inner = nontrivial(values, autonomous=problem.system.phase is None)
     if not np.all(np.abs(inner) < INFINITE):
@@ -63,8 +73,18 @@ def unconfirmed(
     away = np.abs(np.abs(inner) - 1.0) if kind == "TR" else np.abs(inner - (1.0 if kind == "SN" else -1.0))
     if away.size and float(away.min()) <= CONFIRMED:
         return False
-    errors = multiplier_errors(problem, u, J, values)[: inner.size]
+    errors = np.maximum(multiplier_errors(problem, u, J, values)[: inner.size], POINT_OF_BRANCH * _speed(step))
     return not np.any(away <= errors)
+
+
+def _speed(step: tuple[Point, Point] | None) -> float:
+    """Return the largest mean rate of change of a multiplier along a step, by arclength; 0 where it is not known."""
+    if step is None or not step[1].arc > step[0].arc:
+        return 0.0
+    before, after = (np.array(end.examined.data.followed if end.examined.data else ()) for end in step)
+    if before.size != after.size or not np.all(np.isfinite(before)) or not np.all(np.isfinite(after)):
+        return 0.0
+    return float(np.abs(after - before).max(initial=0.0)) / (step[1].arc - step[0].arc)
 
 
 def residual_fault(problem: OrbitProblem, survey: Survey, u: NDArray[np.float64]) -> str | None:
@@ -104,19 +124,52 @@ def undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.fl
     return all(openness(problem, mu, u, J) < OPEN_DETERMINANT for mu in (1.0, -1.0))
 
 
-def rests(a: Point, b: Point) -> bool:
-    """Return whether the parameter rests in a step, as along a family of orbits at one value of the parameter."""
+def rests(
+    problem: OrbitProblem,
+    a: Point,
+    b: Point,
+    data: OrbitData,
+    own: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+) -> bool:
+    """Return whether the parameter rests in a step, as along a family of orbits at one value of the parameter.
+
+    All along a family a multiplier is at 1. Along a canard the parameter moves as little, but none stays there.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    a, b : Point
+        Ends of the step; `a` is examined.
+    data : OrbitData
+        What is known of `b`.
+    own : callable
+        Returns the Jacobian of the orbit's equations, of that of all equations.
+    """
     slope = max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1])))
     short = abs(b.arc - a.arc) <= CROWDED
-    return slope < PARAMETER_RESTS or (
-        slope < PARAMETER_PERHAPS_RESTS and abs(b.parameter - a.parameter) < PARAMETER_ROUNDED and not short
-    )
+    still = slope < PARAMETER_PERHAPS_RESTS and abs(b.parameter - a.parameter) < PARAMETER_ROUNDED and not short
+    if not (slope < PARAMETER_RESTS or still):
+        return False
+    ends, least = ((a, a.examined.data), (b, data)), value_error(problem.tol)
+    apart = any(clear_of_one(problem, point.u, own(point.J), known.multipliers, least) for point, known in ends)
+    problem.set_parameters(b.u)
+    return not apart
 
 
 def step_fault(
-    point: Point, before: Point, monitors: Mapping[Monitor, float], data: OrbitData, way: Passage | None
+    point: Point,
+    before: Point,
+    monitors: Mapping[Monitor, float],
+    data: OrbitData,
+    way: Passage | None,
+    *,
+    resting: bool,
 ) -> str | None:
-    """Return the reason why a point may not follow the point before, or None if it may."""
+    """Return the reason why a point may not follow the point before, or None if it may.
+
+    resting: whether the parameter rests in the step.
+    """
     old: OrbitData = before.examined.data
     known = before.examined.monitors
     changed = {
@@ -129,7 +182,7 @@ def step_fault(
         return "not admissible: " + "; ".join(data.survey.reasons())
     if point.arc - before.arc < CROWDED or grazing or not old.survey.admissible:
         return None
-    if way is not None and rests(before, point):
+    if way is not None and resting:
         return None
     if any(name.kind == "rate" and 0.0 < value < SLOWED * known.get(name, 0.0) for name, value in monitors.items()):
         return "velocity: an event is met so much slower that a touch before may be passed over"

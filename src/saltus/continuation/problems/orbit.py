@@ -15,6 +15,7 @@ import numpy as np
 
 from saltus import scales
 from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
+from saltus.continuation.core.value_tests import circle_tests
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
 from saltus.continuation.problems import guards
 from saltus.continuation.problems.changes import limits_of_multipliers
@@ -23,7 +24,7 @@ from saltus.continuation.problems.errors import orbit_error
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.orbit_data import OrbitData
-from saltus.continuation.problems.phase_plane import astray, depart, solve_again
+from saltus.continuation.problems.phase_plane import astray, depart, log_of_crossings, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.problems.watching import Watched, beyond
@@ -99,6 +100,7 @@ class OrbitZeroProblem:
         self._autonomous = problem.system.phase is None
         self._logs: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
+        self._resting = False  # whether the parameter rests in the last step
         self._crossed: int | None = None  # equal multipliers that cross the unit circle at once in the last step
         self._adjust(u)
         kinds = problem.signature.kinds
@@ -152,6 +154,7 @@ class OrbitZeroProblem:
 
     def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
         """Return a determinant over its first size and over the factor of the phase condition."""
+        log -= log_of_crossings(self.problem, point.u)
         value = sign * math.exp(min(log - self._logs.setdefault(name, log), 600.0))
         return value / (self.problem.facing(point.u) or math.nan)
 
@@ -251,10 +254,11 @@ class OrbitZeroProblem:
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         if before is None:
             return Examined(monitors, None, data)
-        if guards.rests(before, point):
-            self._judge_fold(before, monitors, data)
+        self._resting = guards.rests(problem, before, point, data, self.own)
+        if self._resting:  # the sign of the fold's function is rounding
+            monitors[_SN] = math.nan
         self._step, self._crossed = (before, point), None
-        fault = guards.step_fault(point, before, monitors, data, None if self.neutral else way)
+        fault = guards.step_fault(point, before, monitors, data, None if self.neutral else way, resting=self._resting)
         if (
             fault == guards.CROSSINGS
             and (name := crossing_at_once(before.examined.data.followed, followed)) is not None
@@ -271,25 +275,17 @@ class OrbitZeroProblem:
             problem.set_parameters(point.u)
             fault = DOUBT if several else None
         single = [name for name in monitors if name.kind in ("PD", "BP", "TR")] if several is False else []
+        if CUT_END in problem.signature.kinds and not several:
+            # products of distances change by powers of ten; what the multipliers do is known
+            both = (*before.examined.data.followed, *followed)
+            far = len(followed) > 1 or all(circle_tests([value]).far for value in both)
+            single = single if not far else [name for name in monitors if name.kind in ("SN", "PD", "BP", "TR")]
         return Examined(monitors, fault, data, doubled_by(followed), frozenset(single))
 
     def _spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the multipliers without the trivial one at unknowns near the branch."""
         values = multipliers(self.problem, u, self.own(self.evaluate(u)[1]))
         return nontrivial(values, autonomous=self._autonomous)
-
-    def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
-        """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.
-
-        Along a canard the parameter hardly moves, but a multiplier passes 1 at the fold. Along a family it stays there.
-        """
-        old: OrbitData = before.examined.data
-        away = min(abs(value - 1.0) for value in (*old.followed, *data.followed)) if old.followed else 0.0
-        if data.unstable == old.unstable or away < scales.ONE_OF_FAMILY:
-            monitors[_SN] = math.nan
-        else:
-            known = {**before.examined.monitors, _SN: self._simple[_SN](before)}
-            before.examined = replace(before.examined, monitors=known)
 
     def _sharpen(self, point: Point) -> None:
         """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers."""
@@ -384,7 +380,9 @@ class OrbitZeroProblem:
         for event in [e for e in kept if e.name.kind in ("SN", "PD", "TR")]:
             u, data = event.point.u, event.point.examined.data
             own = self.own(event.point.J)
-            if data is not None and guards.unconfirmed(self.problem, event.name.kind, u, own, data.multipliers):
+            if data is not None and guards.unconfirmed(
+                self.problem, event.name.kind, u, own, data.multipliers, self._step
+            ):
                 if long:
                     return f"location: the orbit at a zero of {event.name} has no multiplier that is critical"
                 kept.remove(event)
@@ -429,7 +427,7 @@ class OrbitZeroProblem:
             return event.point.examined.fault if here is None else None
         if turned(self.problem, event.name, event.point.u):
             return "not admissible: a segment touches its surface inside before it does where it starts"
-        if not a.followed or self.neutral or guards.rests(before, after):
+        if not a.followed or self.neutral or self._resting:
             return None
         kind, followed = event.name.kind, here.followed
         critical = {i for i, value in enumerate(followed) if abs(height(value)) < scales.MULTIPLIER_CRITICAL}

@@ -30,7 +30,7 @@ from saltus.continuation.problems.margins import (
 )
 from saltus.continuation.problems.orbit_data import LocusData
 from saltus.continuation.problems.other_values import KIND, SEVERAL, multipliers_beside, without_critical
-from saltus.continuation.problems.phase_plane import astray, depart, solve_again
+from saltus.continuation.problems.phase_plane import astray, depart, log_of_crossings, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.orbits.normal_forms import flip_coefficient
 from saltus.orbits.problem import OrbitProblem
@@ -301,6 +301,7 @@ class LocusZeroProblem:
             sign, log = floquet.doubling_determinant(problem, J)
         else:
             sign, log = (float(part) for part in np.linalg.slogdet(J[:, : problem.size]))
+        log -= log_of_crossings(problem, u)
         value = sign * math.exp(min(log - self._sizes.setdefault(name, log), 600.0))
         return value / (problem.facing(u) or math.nan)
 

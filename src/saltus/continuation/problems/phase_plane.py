@@ -9,16 +9,18 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from saltus.algebraic.newton import REMESHED
 from saltus.continuation.core.zero_problem import correct
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from saltus.continuation.core.zero_problem import Point, ZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["astray", "depart", "solve_again", "transferred"]
+__all__ = ["astray", "depart", "log_of_crossings", "solve_again", "transferred"]
 
 _ASTRAY = 0.3  # least cosine of the angle between flow and plane's normal at the end of a step
 _RENEWED = 0.8  # the same cosine, up to which the plane is renewed before the next step
@@ -30,8 +32,9 @@ def astray(problem: OrbitProblem, u: NDArray[np.float64]) -> str | None:
     Where the plane is tangent to the flow, the equations have a fold and all determinants vanish. The orbits have no
     bifurcation there.
     """
-    facing = problem.facing(u)
-    return None if facing > _ASTRAY else "phase: the flow at the orbit's start turns too far within the step"
+    if not problem.slides or float(problem.facings(u).min()) > _ASTRAY:
+        return None
+    return "phase: the flow at the orbit's start turns too far within the step"
 
 
 def depart(
@@ -52,26 +55,43 @@ def depart(
         if turn is not None and point.frame is not problem.phase_plane:
             turn(u)
         problem.phase_plane = point.frame
-        if problem.facing(u) > _RENEWED:
+        if problem.facings(u).min() > _RENEWED:
             return False
     from saltus.system.numba_tools.linear import bordered
 
     if turn is not None:
         turn(u)
-    problem.fix_phase(u, problem.survey(u))
+    problem.fix_phase(u, problem.survey(u), cuts=problem.relaxes)
     point.frame = problem.phase_plane
     F, point.J = zero.evaluate(point.u)
+    for _ in range(REMESHED if problem.relaxes else 0):
+        if zero.accurate():  # a mesh that is too coarse for the sensitivities of long pieces is made finer
+            break
+        F, point.J = zero.evaluate(point.u)
     row = point.weights * transferred(problem, u, point.tangent)
     steps, point.sign, point.log, _, _ = bordered(point.J, F, row, point.u, point.u, zero.scale())
     point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
     return True
 
 
+def log_of_crossings(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
+    """Return the logarithm of the product of the flow's speeds across the planes of further pieces; 0 without any.
+
+    It is a factor of each determinant of the equations, in which these planes take the place of shares of the period.
+    """
+    planes = problem.phase_plane.reshape(-1, 2, problem.n)
+    if len(planes) == 1:
+        return 0.0
+    speeds = np.sum(planes[1:, 1] * problem.flows_at_starts(u)[1:], axis=1)
+    return float(np.log(np.maximum(np.abs(speeds), 1e-300)).sum())
+
+
 def transferred(problem: OrbitProblem, u: NDArray[np.float64], tangent: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a tangent of cycles, known in another phase plane, as it is in that of `problem`.
 
-    It is known up to a shift of all starts along the flow, which changes neither durations nor parameters. In the plane
-    it is therefore the same tangent, and the sense of a branch does not depend on where cycles start.
+    It is known up to a shift of the starts along the flow, which changes neither the period nor parameters. In the
+    planes it is therefore the same tangent, and the sense of a branch does not depend on where cycles start. Where only
+    the first piece has a plane all starts are shifted by one time. Otherwise durations change by the differences.
 
     Parameters
     ----------
@@ -85,9 +105,14 @@ def transferred(problem: OrbitProblem, u: NDArray[np.float64], tangent: NDArray[
     if not problem.slides:
         return tangent
     n, moved = problem.n, tangent.copy()
-    starts = moved[: problem.size].reshape(problem.segments, n + 1)[:, :n]
-    flows, normal = problem.flows_at_starts(u), problem.phase_plane[n:]
-    starts -= float(normal @ starts[0]) / float(normal @ flows[0]) * flows
+    rows = moved[: problem.size].reshape(problem.segments, n + 1)
+    starts, flows, planes = rows[:, :n], problem.flows_at_starts(u), problem.phase_plane.reshape(-1, 2, n)
+    if len(planes) == 1:
+        starts -= float(planes[0, 1] @ starts[0]) / float(planes[0, 1] @ flows[0]) * flows
+        return moved
+    late = np.sum(planes[:, 1] * starts, axis=1) / np.sum(planes[:, 1] * flows, axis=1)
+    starts -= late[:, None] * flows
+    rows[:, n] += late - np.roll(late, -1)
     return moved
 
 

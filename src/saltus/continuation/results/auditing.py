@@ -18,7 +18,7 @@ from saltus.continuation.results.audit import Audit, Breach
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.liouville import liouville
 from saltus.continuation.results.locus_ledger import holds, other_values, signs_of_coefficient
-from saltus.continuation.results.stability_ledger import contradicted_labels, critical_rows, neutral_rows, unexplained
+from saltus.continuation.results.stability_ledger import at_one, contradicted_labels, critical_rows, unexplained
 from saltus.errors import SaltusError
 from saltus.scales import EPS, LOCATED, ON_LINE, Verdict, followed, same, zero
 
@@ -131,14 +131,15 @@ def _families(seen: _Seen) -> list[str]:
     """
     if seen.values.shape[1] > 1 or getattr(seen.curve, "fixed", None) is not None:
         return []
-    rests = np.abs(np.diff(seen.values[:, 0])) <= seen.rounding[0]
+    rests, family = np.abs(np.diff(seen.values[:, 0])) <= seen.rounding[0], at_one(seen.curve)
+    rests &= family[1:] & family[:-1]
     differ = np.abs(np.diff(seen.quantities, axis=0)).max(axis=1, initial=0.0) > LOCATED
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rests & differ, [0]])))
-    name, neutral = seen.curve.varied[0], neutral_rows(seen.curve)
+    name = seen.curve.varied[0]
     return [
         f"points {i} to {j}: {name} rests at {seen.values[i, 0]:.9g} within its error, as along a family of solutions"
         for i, j in edges.reshape(-1, 2).tolist()
-        if j - i >= _ROW and np.all(neutral[i : j + 1])
+        if j - i >= _ROW
     ]
 
 
@@ -202,6 +203,9 @@ def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
                 continue
             apart = [abs(point.value(name) - other.value(name)) for name in seen.curve.varied]
             near = same(apart, np.zeros(len(apart)), LOCATED * wide) and same(extents[i], extents[k], LOCATED * size)
+            longer, shorter = (getattr(one.solution, "period", 0.0) for one in (point, other))
+            # next to a homoclinic orbit cycles differ by their periods alone
+            near = near and same(longer, shorter, LOCATED * abs(longer))
             if near and zero(point.arclength - other.arclength, LOCATED) is Verdict.NO:
                 found.append((point.position, f"{point.label} is {other.label} once more"))
     # a parameter that never turns comes to no value twice

@@ -14,12 +14,22 @@ import numpy as np
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.spectrum import NEUTRAL
-from saltus.scales import EPS, LIKE_ONE, LOCATED, SEPARATED, SOLVED, critical_error, same, value_error
+from saltus.scales import (
+    EPS,
+    LIKE_ONE,
+    LOCATED,
+    POINT_OF_BRANCH,
+    SEPARATED,
+    SOLVED,
+    critical_error,
+    same,
+    value_error,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["contradicted_labels", "critical_rows", "neutral_rows", "unexplained"]
+__all__ = ["at_one", "contradicted_labels", "critical_rows", "unexplained"]
 
 _SINGLE = ("SN", "PD")  # types at which one direction begins to grow or to shrink
 _PAIRED = ("TR", "HB")  # types at which two do
@@ -110,19 +120,6 @@ def critical_rows(curve: Any) -> NDArray[np.bool_]:
     return np.asarray(width > width.min())
 
 
-def neutral_rows(curve: Any) -> NDArray[np.bool_]:
-    """Return where a multiplier of a branch may be 1, or an eigenvalue 0, within its error, shape (point,)."""
-    values = _critical(curve)
-    if values is None or not values.size:
-        return np.ones(len(curve), dtype=np.bool_)
-    moduli = np.abs(values)
-    if hasattr(curve, "eigenvalues"):
-        return np.asarray(np.any(moduli <= NEUTRAL * moduli.max(axis=1, keepdims=True), axis=1))
-    error = critical_error(getattr(curve, "tolerance", SOLVED))
-    with np.errstate(invalid="ignore"):
-        return np.asarray(~np.all(np.abs(values - 1.0) > error * np.maximum(moduli, 1.0), axis=1))
-
-
 def _wide(point: Any) -> int:
     """Return how many points beside a special point may have the values of its other side."""
     return 1 if point.type in (*CHANGES, "BE") else 0
@@ -165,7 +162,7 @@ def contradicted_labels(curve: Any) -> tuple[list[tuple[float, str]], int]:
         if away is None or any(_together(curve, point, value) for value in borders):
             continue  # next to a grazing multipliers change without bound
         told += 1
-        if not away <= error:
+        if not away <= error + POINT_OF_BRANCH * _speed(curve, point):
             value = "eigenvalue" if point.solution.at_rest and hasattr(point.solution, "eigenvalues") else "multiplier"
             found.append((point.position, f"{point.label} has no critical {value}: the nearest is {away:.2g} away"))
     if _critical(curve) is None or len(curve.varied) > 1:
@@ -178,6 +175,27 @@ def contradicted_labels(curve: Any) -> tuple[list[tuple[float, str]], int]:
         for i in np.flatnonzero(wrong).tolist()
     ]
     return found, told + int(np.sum(counts[:, 0] >= 0))
+
+
+def _speed(curve: Any, point: Any) -> float:
+    """Return how fast multipliers change by arclength where a special point lies; 0 where it cannot be told.
+
+    On a canard that is so fast that the point's place, as far as it is known, moves a critical one.
+    """
+    values, first = _critical(curve), int(point.position)
+    if values is None or hasattr(curve, "eigenvalues") or not 0 <= first < len(values) - 1:
+        return 0.0
+    moved, apart = np.abs(values[first + 1] - values[first]), float(curve.arclength[first + 1] - curve.arclength[first])
+    return float(moved.max(initial=0.0)) / apart if apart > 0.0 and np.all(np.isfinite(moved)) else 0.0
+
+
+def at_one(curve: Any) -> NDArray[np.bool_]:
+    """Return at which points a multiplier is at 1 within its error, as all along a family; all where none is known."""
+    values = None if hasattr(curve, "eigenvalues") else _critical(curve)
+    if values is None:
+        return np.ones(len(curve), dtype=bool)
+    away = np.abs(values - 1.0).min(axis=1, initial=math.inf)
+    return np.asarray(~(away > critical_error(getattr(curve, "tolerance", SOLVED))))
 
 
 def _together(curve: Any, point: Any, value: float) -> bool:

@@ -10,9 +10,9 @@ import numpy as np
 
 from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.orbit import OrbitZeroProblem
-from saltus.continuation.problems.phase_plane import transferred
-from saltus.orbits.cuts import cut, grows_within, started_elsewhere, stretched
+from saltus.orbits.cuts import cut, cut_again, grows_within, squeezed, started_elsewhere, stretched
 from saltus.orbits.problem import OrbitProblem
+from saltus.scales import EPS, ROUNDINGS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,11 +44,18 @@ def in_more_pieces(
     most : int
         Most pieces.
     """
-    inside = grows_within(branch.problem, item.u, item.J)
-    if not inside and not stretched(branch.problem, item.J):
+    elsewhere = again = None
+    if branch.problem.relaxes and (stretched(branch.problem, item.J) or squeezed(branch.problem, item.u)):
+        again = cut_again(branch.problem, item.u, item.J)
+    if again is not None:
+        problem, u = again
+    elif grows_within(branch.problem, item.u, item.J):
+        problem, u = cut(branch.problem, item.u, item.J)
+    elif stretched(branch.problem, item.J):
+        elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff else None
+        problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
+    else:
         return None
-    elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff and not inside else None
-    problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
     if len(problem.signature) > most:
         return f"an orbit so unstable that it needs more than {most} pieces"
     finer = zero_problem(problem, u)
@@ -65,22 +72,27 @@ def in_more_pieces(
 def _agreement(problem: OrbitProblem, item: Point, finer: OrbitProblem, point: Point, *, moved: bool) -> float:
     """Return the product of a point's tangent with that of its orbit in more pieces: positive in one direction.
 
-    All old pieces start where some of the new ones do, perhaps in another phase plane. Along a canard the orbit may
-    change at one of them alone. Where the first start is `moved` along the orbit, period and parameter are compared,
-    which no start changes.
+    Period and parameter are compared, which no start changes. Old starts that are starts of new pieces are compared
+    too, across the flow, along which a tangent is not determined. Along a canard the orbit may change at one of them
+    alone. None is where the orbit starts elsewhere, as it is `moved`.
     """
-    n, size, tangent = problem.n, problem.size, point.tangent
-    durations, parts = item.u[n : size : n + 1], point.u[n : finer.size : n + 1]
+    n, size, wide = problem.n, problem.size, problem.n + 1
+    durations, parts = item.u[n:size:wide], point.u[n : finer.size : wide]
+    period = float(durations.sum())
+    slopes = [
+        float(along[n:end:wide].sum()) / period for along, end in ((item.tangent, size), (point.tangent, finer.size))
+    ]
+    total = slopes[0] * slopes[1] + float(item.tangent[-1] * point.tangent[-1])
     if moved:
-        period = float(durations.sum())
-        slopes = [float(along[n : -1 : n + 1].sum()) / period for along in (item.tangent, tangent)]
-        return slopes[0] * slopes[1] + float(item.tangent[-1] * tangent[-1])
-    begins = np.cumsum(parts) - parts
-    at = [int(np.argmin(np.abs(begins - begin))) for begin in np.cumsum(durations) - durations]
-    same = item.tangent.copy()
-    same[:size].reshape(-1, n + 1)[:, :n] = tangent[: finer.size].reshape(-1, n + 1)[at, :n]
-    same[-1] = tangent[-1]
-    same = transferred(problem, item.u, same)
-    own = np.ones(same.size, dtype=np.bool_)
-    own[n : size : n + 1] = False
-    return float((item.weights * item.tangent)[own] @ same[own])
+        return total
+    begins, scale = np.cumsum(parts) - parts, problem.common_scale
+    old = item.tangent[:size].reshape(-1, wide)[:, :n] / scale
+    new = point.tangent[: finer.size].reshape(-1, wide)[:, :n] / scale
+    flows = problem.flows_at_starts(item.u) / scale
+    for begin, flow, before in zip(np.cumsum(durations) - durations, flows, old, strict=True):
+        j = int(np.argmin(np.abs(begins - begin)))
+        length = float(np.linalg.norm(flow))
+        if abs(begins[j] - begin) <= ROUNDINGS * len(parts) * EPS * period and length > 0.0:
+            along = flow / length if problem.slides else np.zeros(n)
+            total += float((before - along * (along @ before)) @ new[j])
+    return total

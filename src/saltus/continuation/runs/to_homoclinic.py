@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from saltus.continuation.problems.ends.homoclinic import NONE_NEAR, located
+from saltus.continuation.problems.ends.homoclinic_problem import NO_SADDLE
 from saltus.continuation.problems.ends.long_cycles import long_cycles
 from saltus.continuation.problems.ends.unbounded import LONGEST, period_of, told
 from saltus.continuation.runs.two_sided import Found
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
     from saltus.continuation.runs.two_sided import OneSide
 
 __all__ = ["end_unbounded"]
+
+
+# why no homoclinic orbit is located where none is to be expected
+_CANARD = (NONE_NEAR, NO_SADDLE)
 
 
 def end_unbounded(half: OneSide, interest: Interest) -> tuple[str, bool]:
@@ -34,7 +39,7 @@ def end_unbounded(half: OneSide, interest: Interest) -> tuple[str, bool]:
     """
     period = period_of(*half.points[-1])
     found = located(half.points, interest.low, interest.high)
-    if found == NONE_NEAR:
+    if found in _CANARD:
         return f"the period grows while the parameter rests (T = {period:.6g}); {found}, as on a canard", False
     if isinstance(found, str):
         return f"{told(period)}; no homoclinic orbit is located: {found}", False

@@ -176,12 +176,12 @@ def equations(orbit, mesh, phase, tolerances, u, F, J, errors):
         elif kind == PHASE_END:
             F[last] = start[last - 1]
             line[last - 1] += 1.0
-        elif kind == CUT_END:
+        elif kind == CUT_END and phase.anchor.size == 2 * n:
             F[last] = shares[i - 1] * piece.duration - shares[i] * start[row - 1]
             line[last] += shares[i - 1]
             line[row - 1] -= shares[i]
         else:
-            F[last] = _on_plane(pointer(phase.anchor, 0), pointer(start, row), n, pointer(line, row))
+            F[last] = _on_plane(pointer(phase.anchor, 2 * n * i), pointer(start, row), n, pointer(line, row))
     if orbit.laws.shape[0] > 0:
         _keep_totals(orbit, u, m, F, entries)
     for k in range(n_active):

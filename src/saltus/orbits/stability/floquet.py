@@ -226,6 +226,8 @@ def _of_pieces(
         laws, units = problem.system.laws, scale[: len(problem.system.states)]
         leaf = Leaf(laws.matrix(problem.parameters_at(u)) * units, np.ones(units.size))
         maps, left = leaf.within(maps), leaf.widened(problem.n)
+    if not np.all(np.isfinite(maps)):  # on a mesh too coarse for the sensitivities
+        return np.full(maps.shape[1] - (problem.system.phase is not None), np.nan + 0j)
     if problem.system.phase is not None:
         return _of_product(maps[:, :-1, :-1])
     if flows is None:
@@ -245,6 +247,10 @@ def _of_pieces(
             values[-1] = math.copysign(
                 math.exp(float(logs.sum()) - math.log(abs(others))), float(signs.prod()) * others
             )
+    if problem.relaxes:  # as many multipliers are error as directions that a piece contracts below its own error
+        sizes = np.linalg.svd(maps, compute_uv=False)
+        lost = int(np.sum(sizes < scales.MULTIPLIER_LOST * problem.tol * sizes[:, :1], axis=1).max())
+        values[values.size - lost :] = 0.0
     return np.append(values, 1.0)
 
 

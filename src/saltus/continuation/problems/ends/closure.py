@@ -176,7 +176,7 @@ def _on_plane(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Po
     from scipy.optimize import brentq
 
     n, circles, near = problem.n, problem.system.angle_places, last.u[: problem.n]
-    point, normal = problem.phase_plane[:n], problem.phase_plane[n:]
+    point, normal = problem.phase_plane[:n], problem.phase_plane[n : 2 * n]
     whole = _round(problem, start, last, active)
 
     def away(shares: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,7 +26,19 @@ from saltus.scales import ALGEBRAIC_RESIDUAL, NEWTON_AT_ROUNDING, SKEW, STALLED_
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Arc", "Saddle", "at_rest", "extended", "saddle_near", "saddle_node_near", "solved", "tangent_spaces"]
+__all__ = [
+    "NO_SADDLE",
+    "Arc",
+    "Saddle",
+    "at_rest",
+    "extended",
+    "saddle_near",
+    "saddle_node_near",
+    "solved",
+    "tangent_spaces",
+]
+
+NO_SADDLE = "its equilibrium is no saddle"  # why no homoclinic orbit is located: nothing leads to it and away again
 
 _ITERATIONS = 25  # most Newton steps to an equilibrium or to an arc
 _HALVINGS = 60  # bisections of the time in which the distance to a saddle shrinks to a given one
@@ -97,7 +109,7 @@ def tangent_spaces(A: NDArray[np.float64], state: NDArray[np.float64], sizes: ND
     if np.any(np.abs(values.real) <= NEUTRAL * np.abs(values).max()):
         return "its equilibrium is not hyperbolic"
     if np.all(values.real > 0.0) or np.all(values.real < 0.0):
-        return "its equilibrium is no saddle"
+        return NO_SADDLE
     columns: list[NDArray[np.float64]] = []
     sides: list[bool] = []
     powers: tuple[list[tuple[complex, bool]], list[tuple[complex, bool]]] = ([], [])
