@@ -32,7 +32,7 @@ class Passed(NamedTuple):
 
 
 def reach(control: StepControl, last: Point, new: Point) -> float:
-    """Return how far from a step's ends its curve may be seen, in arclength: what a predictor missed, and the step."""
+    """Return how far from a step's ends what passes it may be, in arclength: what a predictor missed, and the step."""
     return 20.0 * control.deviation + abs(new.arc - last.arc)
 
 
@@ -74,8 +74,8 @@ def passed(
         return None
     guess, along = hermite(last, new, length, share), hermite_slope(last, new, length, share)
     along = along / math.sqrt(float(w @ along**2))
-    if not math.sqrt(float(w @ (guess - start.u) ** 2)) < reach(control, last, new):
-        return None
+    if not math.sqrt(float(w @ (guess - start.u) ** 2)) < 0.5 * length + SAME_POINT:
+        return None  # no predictor of a step misses by half of it
     tangent, weights = (start.tangent, start.weights) if known else (along, w)
     cosine = float(weights @ (tangent * along)) / math.sqrt(float(weights @ tangent**2) * float(weights @ along**2))
     if not abs(cosine) > _PARALLEL:
@@ -98,15 +98,15 @@ def _beside(last: Point, new: Point, goal: NDArray[np.float64]) -> float | None:
     length, w = new.arc - last.arc, last.weights
     if not length > 0.0:
         return None
-    chord, margin = new.u - last.u, SAME_POINT / length
+    chord, margin = new.u - last.u, min(SAME_POINT / length, 0.1)
     share = float(w @ ((goal - last.u) * chord)) / float(w @ chord**2)
     for _ in range(_ITERATIONS):
         slope = hermite_slope(last, new, length, share)
         ahead = float(w @ ((goal - hermite(last, new, length, share)) * slope)) / float(w @ slope**2)
         share = min(2.0, max(-1.0, share + ahead))
-        if abs(ahead) < margin * 1e-3:
-            break
-    return share if -margin < share < 1.0 + margin else None
+        if abs(ahead) < 1e-3 * margin:
+            return share if -margin < share < 1.0 + margin else None
+    return None
 
 
 def _same(problem: ZeroProblem, start: Point, there: Point, tangent: NDArray[np.float64], control: StepControl) -> bool:
