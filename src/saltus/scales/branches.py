@@ -74,8 +74,6 @@ MOVES_STEADILY = 0.3
 # Factor on the curvature of a test function when two zeros within a step are suspected: it may grow within.
 TWO_ZEROS = 2.0
 
-# First steps of a curve, in arclength, within which it cannot close.
-CANNOT_CLOSE = 3.0
 
 # Change of the unknowns, over their sizes, within which a quantity's gradient is kept.
 GRADIENT_KEPT = 1e-8

@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.signs import changed_signs
-from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, hermite
+from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, hermite, hermite_slope
 from saltus.scales import (
     CROWDED,
     LOCATING_STALLED,
@@ -113,7 +113,7 @@ def _has_pole(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb
     from saltus.system.numba_tools.linear import bordered
 
     share, length = fa / (fa - fb), b.arc - a.arc
-    u, tangent = hermite(a, b, length, share), _hermite_slope(a, b, length, share)
+    u, tangent = hermite(a, b, length, share), hermite_slope(a, b, length, share)
     tangent /= math.sqrt(float(a.weights @ tangent**2))
     F, J = problem.evaluate(u)
     sign, log = bordered(J, F, a.weights * tangent, u, u, problem.scale())[1:3]
@@ -175,7 +175,7 @@ def locate(
     floor = problem.noise.get(name, MONITOR_ZERO) * unit
     previous = math.inf
     for asked in range(60):
-        base, tangent = hermite(a, b, length, s), _hermite_slope(a, b, length, s)
+        base, tangent = hermite(a, b, length, s), hermite_slope(a, b, length, s)
         tangent /= math.sqrt(float(a.weights @ tangent**2))
         shape = (s * (1.0 - s)) ** 2
         bend = _bend_at(s, bends if asked >= _LONG else bends[-1:], a.u)
@@ -277,9 +277,3 @@ def _zero(known: list[tuple[float, float]], low: float, high: float) -> float:
         if low < guess < high:
             return guess
     return 0.5 * (low + high)
-
-
-def _hermite_slope(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
-    """Return the derivative of the cubic `hermite` with respect to the fraction `s`."""
-    left, right = (1.0 - s) * (1.0 - 3.0 * s) * length, s * (3.0 * s - 2.0) * length
-    return (6.0 * s * (1.0 - s)) * (b.u - a.u) + left * a.tangent + right * b.tangent

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from saltus.algebraic.newton import ACCEPTED, CONTRACTS, ENDING, ENDLESS_FROM, REMESHED, UNSTABLE
-from saltus.scales import PARAMETER_RESTS, REGULAR_TRIANGLE
+from saltus.scales import EPS, PARAMETER_RESTS, REGULAR_TRIANGLE, STEP_AT_ROUNDING, Verdict, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,6 +30,7 @@ __all__ = [
     "correct",
     "cubic",
     "hermite",
+    "hermite_slope",
     "start_point",
 ]
 
@@ -184,7 +185,7 @@ def correct(
         if not size < ENDLESS_FROM:
             return Unsolved.ENDLESS
         u = u + steps[:, 0]
-        met = size < ACCEPTED
+        met = size < ACCEPTED or _at_rounding(problem, u - steps[:, 0], steps[:, 0], row, previous)
         if problem.accurate(met=met) and met:
             direction = steps[:, 1] / math.sqrt(float(weights @ steps[:, 1] ** 2))
             return Point(u, J, direction, weights, sign, log, residual, iteration)
@@ -195,6 +196,29 @@ def correct(
             break
         previous = size
     return Unsolved.LATE
+
+
+def _at_rounding(
+    problem: ZeroProblem, u: NDArray[np.float64], step: NDArray[np.float64], row: NDArray[np.float64], previous: float
+) -> bool:
+    """Return whether a Newton step from unknowns that have stopped to get better is the rounding of the equations.
+
+    Where a formula loses digits, as x/(exp(x) - 1) near x = 0 does, steps shrink down to what its rounding makes of
+    them. Unknowns that are the same but for their last digits then have another step.
+    """
+    from saltus.system.numba_tools.linear import bordered
+
+    scale = problem.scale()
+    size = float(np.abs(step / scale).max())
+    if not CONTRACTS * previous < size < STEP_AT_ROUNDING:
+        return False
+    for signs in (1.0, -1.0):
+        beside = u * (1.0 + signs * EPS)
+        F, J = problem.evaluate(beside)
+        other = bordered(J, F, row, u, u, scale)[0][:, 0]
+        if zero(size, float(np.abs((other - step) / scale).max())) is not Verdict.NO:
+            return True
+    return False
 
 
 def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float = 1.0) -> Point:
@@ -254,3 +278,9 @@ def cubic(a: Line, b: Line, length: Share, s: Share) -> NDArray[np.float64]:
     """Return `hermite` of two points that are given with their tangents."""
     end, off = s * s * (3.0 - 2.0 * s), s * (1.0 - s) * length
     return (1.0 - end) * a[0] + end * b[0] + ((1.0 - s) * off) * a[1] - (s * off) * b[1]
+
+
+def hermite_slope(a: Point, b: Point, length: float, s: Share) -> NDArray[np.float64]:
+    """Return the derivative of the cubic `hermite` with respect to the fraction `s`."""
+    left, right = (1.0 - s) * (1.0 - 3.0 * s) * length, s * (3.0 * s - 2.0) * length
+    return (6.0 * s * (1.0 - s)) * (b.u - a.u) + left * a.tangent + right * b.tangent

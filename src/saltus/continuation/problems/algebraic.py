@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus import scales
+from saltus.continuation.core.closing import Passed, between, passed, reach
 from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.value_tests import Tested, border_tests
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
     from saltus.continuation.core.arclength import StepControl
     from saltus.continuation.core.interest import Interest
+    from saltus.continuation.core.zero_problem import ZeroProblem
     from saltus.continuation.problems.point_data import Sized
 
 __all__ = ["AlgebraicZeroProblem", "closes"]
@@ -427,21 +429,18 @@ class AlgebraicZeroProblem:
         monitors[name] = ends[1][0]
 
 
-def closes(origin: Point, last: Point, new: Point, control: StepControl, circles: NDArray[np.int64]) -> Point | None:
+def closes(
+    branch: ZeroProblem, origin: Point, last: Point, new: Point, control: StepControl, circles: NDArray[np.int64]
+) -> Passed | None:
     """Return the start of a curve of solutions where the step from `last` to `new` passes it, else None.
 
     circles: angles among the unknowns; the start that is returned lies whole turns from the one given, next to `last`.
     """
-    if new.arc < scales.CANNOT_CLOSE * control.initial:
+    length = new.arc - last.arc
+    slopes = length * float(last.tangent[-1]), length * float(new.tangent[-1])
+    ends = last.parameter, new.parameter
+    if last.arc <= scales.SAME_POINT or not between(origin.parameter, ends, slopes, reach(control, last, new)):
         return None
-    if abs(origin.parameter - last.parameter) > 2.0 * abs(new.parameter - last.parameter) + control.initial:
-        return None
-    w, chord, away = last.weights, new.u - last.u, wrapped(origin.u - last.u, circles)
-    length = float(w @ chord**2)
-    share = float(w @ (away * chord)) / length
-    if not 0.0 < share <= 1.0:
-        return None
-    aside = math.sqrt(float(w @ (away - share * chord) ** 2))
-    if not (aside < 20.0 * control.deviation and aside < 0.5 * math.sqrt(length)):
-        return None
-    return replace(origin, u=last.u + away) if circles.size else origin
+    near = replace(origin, u=last.u + wrapped(origin.u - last.u, circles)) if circles.size else origin
+    met = passed(branch, near, last, new, control)
+    return None if met is None else Passed(near, met.arc)

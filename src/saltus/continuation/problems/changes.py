@@ -11,7 +11,8 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour, vanishing
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.stability.floquet import multipliers
-from saltus.scales import FIELDS_ALIKE, SPEEDLESS
+from saltus.scales import CONDITIONS_ALIKE, FIELDS_ALIKE, SPEEDLESS
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,7 +54,8 @@ def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float6
         return "AS"
     if before or after:
         return "SS"
-    return "GR" if (touches or _meets_without_velocity(problem, monitor, u)) and around[1] == around[2] else "BC"
+    touches = touches or _closes_smoothly(problem, monitor, u) or _meets_without_velocity(problem, monitor, u)
+    return "GR" if touches and around[1] == around[2] else "BC"
 
 
 def limits_of_multipliers(
@@ -104,6 +106,21 @@ def passes_smoothly(problem: OrbitProblem, u: NDArray[np.float64], segment: int)
         system.compiled.call("field", signature.modes[i], 0, x, problem.extended, field)
     apart, size = (float(np.max(np.abs(f) / problem.state_scale)) for f in (fields[1:] - fields[0], fields[0]))
     return apart <= FIELDS_ALIKE * size
+
+
+def _closes_smoothly(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
+    """Return whether the only other segment is a smooth closed orbit where one vanishes.
+
+    It meets the surface at a single place, so it touches it there: however near the point was located, its distance
+    from a crossing is the square of that.
+    """
+    n, system = problem.n, problem.system
+    if monitor.kind != "duration" or problem.segments != 2:
+        return False
+    other = 1 - monitor.segment
+    problem.survey(u)
+    apart = wrapped(problem.state_on(other, 1.0) - u[other * (n + 1) :][:n], system.angle_places)[: len(system.states)]
+    return bool(np.max(np.abs(apart) / problem.state_scale[: apart.size]) < CONDITIONS_ALIKE)
 
 
 def _meets_without_velocity(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:

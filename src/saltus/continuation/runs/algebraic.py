@@ -237,17 +237,11 @@ class AlgebraicRun(OneParameterRun):
 
     def closes(self, half: OneSide, piece: AlgebraicZeroProblem, last: Point, point: Point) -> bool:
         """See `Run.closes`."""
-        begun, origin = half.start
-        starts = self.starts(begun, origin) if piece is begun else []
-        met = (closes(origin, last, point, self.control, piece.problem.circles) for origin in starts)
-        same = next((origin for origin in met if origin is not None), None)
-        if same is None:
-            return False
-        half.points.append((piece, same))
-        share = float(point.weights @ ((same.u - last.u) * (point.u - last.u))) / (point.arc - last.arc)
-        # the step leads beyond the start, where the branch was before
-        half.specials = [found for found in half.specials if found.arc < last.arc + share]
-        return True
+        starts = self.starts(half.start[0], half.first) if piece is half.start[0] else []
+        circles = piece.problem.circles
+        met = (closes(piece, origin, last, point, self.control, circles) for origin in starts)
+        same = next((start for start in met if start is not None), None)
+        return same is not None and half.closed_at(same, piece)
 
     def arrived(self, half: OneSide, piece: AlgebraicZeroProblem, point: Point) -> str | None:
         """See `Run.arrived`."""

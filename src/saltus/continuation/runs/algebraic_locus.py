@@ -86,10 +86,8 @@ class AlgebraicLocusRun(TwoParameterRun):
 
     def closes(self, half: OneSide, piece: AlgebraicLocusProblem, last: Point, point: Point) -> bool:
         """See `Run.closes`."""
-        same = closes(half.start[1], last, point, self.control, piece.problem.circles)
-        if same is not None:
-            half.points.append((piece, same))
-        return same is not None
+        same = closes(piece, half.first, last, point, self.control, piece.problem.circles)
+        return same is not None and half.closed_at(same, piece)
 
     def arrived(self, half: OneSide, piece: AlgebraicLocusProblem, point: Point) -> str | None:
         """See `Run.arrived`."""

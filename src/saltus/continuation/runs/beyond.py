@@ -24,6 +24,7 @@ from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import DURATION, ON_BORDER, Signature, Survey
+from saltus.orbits.stability.families import of_a_family
 from saltus.scales import EXTREMES_BEYOND, NO_DURATION, PARTING, RESTS_BEYOND, SAME_POINT
 from saltus.system.own_states import absent_states
 
@@ -100,7 +101,7 @@ def switched(found: Neighbour, problem: OrbitProblem, old: Point, equations: Equ
     try:
         point = start_point(branch, found.u)
     except ValueError as error:
-        return f"no branch goes on: {error}"
+        return f"no branch goes on: {_why_none(problem, branch.problem, found) or error}"
     point.arc = old.arc
     item = next(filter(None, (_first_beyond(branch, point, old, probe) for probe in (1e-5, 1e-6, 1e-4))), None)
     if item is None:
@@ -112,6 +113,19 @@ def switched(found: Neighbour, problem: OrbitProblem, old: Point, equations: Equ
         item = _first_beyond(branch, point, old, probe) or item
     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
     return branch, item
+
+
+def _why_none(old: OrbitProblem, problem: OrbitProblem, found: Neighbour) -> str | None:
+    """Return the reason if the orbit on the border is not isolated without the segment that vanishes; else None.
+
+    Where a block that sticks comes to slip all the time without friction, its motion is one of a family.
+    """
+    fixed = OrbitProblem(problem.system, found.signature, problem.parameters_at(found.u), tol=problem.tol)
+    if not of_a_family(fixed, found.u[: fixed.size]):
+        return None
+    names, gone = problem.system.mode_names, set(old.signature.modes) - set(found.signature.modes)
+    without = f"without a stay in {' and '.join(repr(names[mode]) for mode in sorted(gone))} " if gone else ""
+    return f"the orbit there {without}is one of a family at the same parameters"
 
 
 def exchanged_freely(

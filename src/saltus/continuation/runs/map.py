@@ -85,8 +85,11 @@ class MapRun(AlgebraicRun):
         itinerary, found = problem.itinerary, []
         for k in range(problem.period):
             if itinerary[k:] + itinerary[:k] == itinerary:
-                points = np.roll(problem.points(origin.u), -k, axis=0)
-                found.append(replace(origin, u=np.append(points.ravel(), origin.u[problem.n :])))
+                u, tangent = (
+                    np.append(np.roll(problem.points(part), -k, axis=0).ravel(), part[problem.n :])
+                    for part in (origin.u, origin.tangent)
+                )
+                found.append(replace(origin, u=u, tangent=tangent))
         return found
 
     def closed_up(self, branch: MapZeroProblem, point: Point) -> str | None:

@@ -232,15 +232,14 @@ class OrbitRun(OneParameterRun):
 
     def closes(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> bool:
         """See `Run.closes`; special points of the last step beyond the start are those of the first one."""
-        begun, origin = half.start
+        begun = half.start[0]
         if piece.problem.signature.whole != begun.problem.signature.whole or (piece is begun and last.arc == 0.0):
             return False
-        start = begun.problem, origin
+        start = begun.problem, half.first
         met = passes(piece, piece.problem, start, last, point, self.control, begun.active_at)
         if met is None:
             return False
-        arc = last.arc + math.sqrt(float(last.weights @ (met.u - last.u) ** 2))
-        half.specials = [found for found in half.specials if found.after < len(half.points) or found.arc < arc]
+        half.end_at(met.arc)
         half.points.append(half.start)
         return True
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -128,20 +127,21 @@ class OrbitLocusRun(TwoParameterRun):
         """See `Run.closes`; special points of the last step beyond the start are dropped."""
         if last.arc == 0.0:
             return False
-        met = passes(piece, piece.problem, (piece.problem, half.start[1]), last, point, self.control)
+        met = passes(piece, piece.problem, (piece.problem, half.first), last, point, self.control)
         if met is None:
             return False
         half.specials = [found for found in half.specials if found.after < len(half.points)]
-        begun, again = half.first, met
+        begun, again = half.first, met.point
         if not piece.problem.slides:
             again = replace(begun, u=alongside(piece.problem, begun.u, last.u), tangent=begun.tangent.copy())
-        again.arc = last.arc + math.sqrt(float(last.weights @ (again.u - last.u) ** 2))
+        again.arc = met.arc
         again.J = piece.evaluate(again.u)[1]
         again.examined = piece.examine(again, last)
         found = events_between(piece, last, again)
         for event in [] if isinstance(found, str) else found:
             if event.name.kind not in ("low", "high"):
                 self.special(half, event)
+        half.end_at(again.arc)
         half.points.append((piece, again))
         return True
 

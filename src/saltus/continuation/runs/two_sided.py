@@ -15,6 +15,7 @@ from saltus.scales import SAME_POINT
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.continuation.core.closing import Passed
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.problems.ends.connection import Homoclinic
 
@@ -52,6 +53,21 @@ class OneSide:
     # closed, interrupted: whether it came back to its start; whether the user ended it
     closed: bool = False
     interrupted: bool = False
+
+    def closed_at(self, met: Passed, piece: Any) -> bool:
+        """End at the start, as it was met in the last step; return True."""
+        self.end_at(met.arc)
+        self.points.append((piece, replace(self.start[1], u=met.point.u)))
+        return True
+
+    def end_at(self, arc: float) -> None:
+        """Leave out special points behind the start, to which the direction has come back, and those at it twice."""
+        at_start = {found.name for found in self.specials if found.arc < SAME_POINT}
+        self.specials = [
+            found
+            for found in self.specials
+            if found.arc < arc - SAME_POINT or (found.arc <= arc + SAME_POINT and found.name not in at_start)
+        ]
 
 
 @dataclass
@@ -132,7 +148,11 @@ def turned(point: Point, sign: float, odd: Collection[Monitor]) -> Point:
 
 
 def join(start: Any, halves: list[OneSide], what: str) -> BothSides:
-    """Join the directions from the row `start`: the first reversed, then the second; `what` names the curve."""
+    """Join the directions from the row `start`: the first reversed, then the second; `what` names the curve.
+
+    A direction that comes back to the start is the whole curve, wherever the other one got stuck on it.
+    """
+    halves = [half for half in halves if half.closed] or halves
     rows, arcs, offset = [start], [0.0], 0
     specials: list[tuple[Found, float, float]] = []
     if len(halves) == 2:

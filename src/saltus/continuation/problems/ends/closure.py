@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.core.arclength import StepControl
-from saltus.continuation.core.zero_problem import Point, ZeroProblem, correct
+from saltus.continuation.core.closing import Passed, between, passed, reach
+from saltus.continuation.core.zero_problem import Point, ZeroProblem
 from saltus.orbits.cuts import clustered
 from saltus.orbits.signature import PHASE_END
 from saltus.scales import EPS, SAME_POINT
@@ -49,8 +50,10 @@ def passes(
     new: Point,
     control: StepControl,
     active: slice | None = None,
-) -> Point | None:
+) -> Passed | None:
     """Return the orbit of the start if the step from `last` to `new` passes it, started where the step's orbits are.
+
+    The plane of the phase condition is that of the step, also where the next one has been tried in another.
 
     Parameters
     ----------
@@ -67,35 +70,49 @@ def passes(
     active : slice, optional
         Where the active parameters are among the unknowns of the start; by default they are the last ones.
     """
-    begun, origin = start
+    if last.arc <= SAME_POINT or not _may_pass(problem, start, last, new, control):
+        return None
     active = slice(-len(problem.active), None) if active is None else active
-    if new.arc < 3.0 * control.initial:
-        return None
-    reach = 20.0 * control.deviation
-    if abs(origin.parameter - last.parameter) > abs(new.parameter - last.parameter) + reach:
-        return None
-    periods = [
-        float(point.u[own.n : own.size : own.n + 1].sum())
-        for own, point in ((begun, origin), (problem, last), (problem, new))
-    ]
-    if abs(periods[0] - periods[1]) > abs(periods[2] - periods[1]) + reach * periods[0]:
-        return None
-    if _extends_elsewhere(problem, origin, last, new, reach):
-        return None
+    plane = problem.phase_plane
+    if problem.slides and last.frame is not None:
+        problem.phase_plane = last.frame
     for same in _phases(problem, start, last, active):
-        if (met := _meets(branch, problem, same, last, new, control)) is not None:
+        near = replace(same, u=alongside(problem, same.u, last.u))
+        known = near.tangent.size > 0
+        if (met := passed(branch, near, last, new, control, known=known)) is not None:
             return met
+    problem.phase_plane = plane
     return None
 
 
-def _extends_elsewhere(problem: OrbitProblem, origin: Point, last: Point, new: Point, reach: float) -> bool:
+def _may_pass(
+    problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Point, new: Point, control: StepControl
+) -> bool:
+    """Return whether parameter, period and extremes of the start are those of a step, wherever its orbit starts."""
+    begun, origin = start
+    length, room = new.arc - last.arc, reach(control, last, new)
+
+    def change(point: Point, row: slice) -> float:
+        return length * float(point.tangent[row].sum())
+
+    at = slice(-1, None)
+    ends, slopes = (last.parameter, new.parameter), (change(last, at), change(new, at))
+    if not between(origin.parameter, ends, slopes, room):
+        return False
+    own, at = slice(begun.n, begun.size, begun.n + 1), slice(problem.n, problem.size, problem.n + 1)
+    period = float(origin.u[own].sum())
+    ends, slopes = (float(last.u[at].sum()), float(new.u[at].sum())), (change(last, at), change(new, at))
+    return between(period, ends, slopes, room * period) and not _extends_elsewhere(problem, origin, last, new, room)
+
+
+def _extends_elsewhere(problem: OrbitProblem, origin: Point, last: Point, new: Point, away: float) -> bool:
     """Return whether extremes of the start's states lie clearly outside those of a step, wherever an orbit starts."""
     surveys: list[Any] = [getattr(point.examined.data, "survey", None) for point in (origin, last, new)]
     if any(survey is None for survey in surveys):
         return False
     states = np.setdiff1d(np.arange(len(problem.system.states)), problem.system.angle_places)
     seen = np.array([[survey.lows[states], survey.highs[states]] for survey in surveys])
-    room = np.abs(seen[2] - seen[1]) + reach * problem.state_scale[states]
+    room = np.abs(seen[2] - seen[1]) + away * problem.state_scale[states]
     return bool(np.any(np.abs(seen[0] - seen[1]) > room))
 
 
@@ -196,28 +213,3 @@ def _on_plane(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Po
             best = distance, share
     if best is not None:
         yield whole.begun_at(best[1])
-
-
-def _meets(
-    branch: ZeroProblem, problem: OrbitProblem, origin: Point, last: Point, new: Point, control: StepControl
-) -> Point | None:
-    """Return the point `origin`, corrected, if the step from `last` to `new` passes it, its orbit's start unchanged."""
-    reach = 20.0 * control.deviation
-    w = last.weights
-    goal = alongside(problem, origin.u, last.u)
-    away, chord = goal - last.u, new.u - last.u
-    length = float(w @ chord**2)
-    share = float(w @ (away * chord)) / length
-    if not 0.0 < share <= 1.0:
-        return None
-    if not math.sqrt(float(w @ (away - share * chord) ** 2)) < reach:
-        return None
-    tangent = origin.tangent if origin.tangent.size else chord / math.sqrt(length)
-    along = float(w @ (tangent * chord))
-    if not abs(along) > 0.9 * math.sqrt(length * float(w @ tangent**2)):
-        return None
-    weights = origin.weights if origin.tangent.size else w
-    guess = last.u + share * chord
-    guess -= tangent * (float((weights * tangent) @ (guess - goal)) / float(weights @ tangent**2))
-    there = correct(branch, guess, tangent, weights, control.iterations)
-    return there if isinstance(there, Point) and float(w @ (there.u - goal) ** 2) < SAME_POINT**2 else None
