@@ -11,6 +11,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import saltus
@@ -697,3 +698,30 @@ def test_a_quasi_periodic_firing_pattern_is_no_chaos_and_has_its_rotation_number
     for current, rotation in zip(values, sweep.rotations[0], strict=True):
         turns = firing_rotation(current, 0.3) % 1.0
         assert rotation == pytest.approx(min(turns, 1.0 - turns), abs=2e-3)
+
+
+def test_a_population_that_was_nearly_lost_comes_back_and_never_turns_negative() -> None:
+    """A predator invades where its prey suffices; the state in logarithms, by SciPy, says where it settles."""
+    parameters = {"m": 4.0, "K": 0.3, "f": 0.9, "S0": 3.0, "n": 3.0, "L": 0.3, "w": 2.0 * math.pi}
+    chain = {"S": "-m*S/(K + S)*x", "x": "m*S/(K + S)*x - n*x/(L + x)*y", "y": "n*x/(L + x)*y"}
+    dose = saltus.Transition(
+        "grow", "grow", at_phase=0, reset={"S": "S*(1 - f) + f*S0", "x": "(1 - f)*x", "y": "(1 - f)*y"}, name="dose"
+    )
+    system = saltus.HybridSystem(("S", "x", "y"), parameters, {"grow": saltus.Mode(chain)}, [dose], phase=("th", "w"))
+    options = saltus.options.SweepOptions(follow="down")
+    found = saltus.run_sweep(system, "f", [0.9, 0.95], x0=[1.0, 0.1, 0.1], options=options)
+    assert found.labels.tolist() == [["period-1", "period-1"]]
+
+    def step(z: np.ndarray) -> np.ndarray:
+        def field(t: float, z: np.ndarray) -> list[float]:
+            S, x, y = z[0], math.exp(z[1]), math.exp(z[2])
+            eaten, taken = 4.0 * S / (0.3 + S), 3.0 / (0.3 + x)
+            return [-eaten * x, eaten - taken * y, taken * x]
+
+        end = solve_ivp(field, (0.0, 1.0), z, method="LSODA", rtol=1e-10, atol=1e-12).y[:, -1]
+        return np.array([end[0] * 0.1 + 2.7, end[1] + math.log(0.1), end[2] + math.log(0.1)])
+
+    state = found.at(0.9).state[:3]  # before a dose
+    assert np.all(state >= 0.0)
+    after = np.array([state[0] * 0.1 + 2.7, *(np.log(state[1:]) + math.log(0.1))])
+    np.testing.assert_allclose(step(after), after, rtol=1e-6)

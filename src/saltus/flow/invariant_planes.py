@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.scales import EPS
+from saltus.scales import EPS, ILL_CONDITIONED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["driven", "staying"]
 
 _PHASES = 16  # phases at which a rate is asked for: a drive may rest at one of them
-_ERRATIC = 16.0  # a sum that is rounding alone is at most so many times its change from one double to the next
 
 
 def staying(
@@ -66,7 +65,8 @@ def driven(
 ) -> NDArray[np.bool_]:
     """Return which of some states leave zero where all of these are zero: by a constant, a drive or a reset.
 
-    What is rounding of a sum that vanishes changes from one double to the next by as much as it is; it drives nothing.
+    What is rounding of a sum that vanishes changes from one double to the next by about as much as it is; it drives
+    nothing. A drive changes by its own rounding.
 
     Parameters
     ----------
@@ -94,5 +94,5 @@ def driven(
                 compiled.call(name, index, 0, near, p, value)
                 values[turn, side] = value
         sizes = np.abs(values).max(axis=(0, 1))
-        found |= sizes > _ERRATIC * np.abs(values[:, 1] - values[:, 0]).max(axis=0)
+        found |= ILL_CONDITIONED * sizes > np.abs(values[:, 1] - values[:, 0]).max(axis=0)
     return found & zeros

@@ -231,7 +231,7 @@ class Task:
 
     def _found(self, parameters: Mapping[str, float], p: NDArray[np.float64], seen: _Seen) -> Row:
         if self._rests(seen):
-            pushed = _pushed(seen.found.x_end, len(self.system.states), self.criteria.push)
+            pushed = _pushed(seen.found.x_end, _faces(self.system), self.criteria.push)
             seen = self._seen(p, self.motions.settled(p, pushed, seen.found.mode_end, self._looked_at))
         for look in range(1, _LOOKS):
             if not self._in_doubt(seen, look):
@@ -343,8 +343,18 @@ def _iterations(system: Map, x0: StateLike | None, options: SweepOptions) -> Ret
     return MapReturns.checked(system, x0, options)
 
 
-def _pushed(x: NDArray[np.float64], n: int, push: float) -> NDArray[np.float64]:
-    pushed = x.copy()
+def _faces(system: HybridSystem | Map) -> NDArray[np.bool_]:
+    """Return which states have their rate as a factor, and so never cross 0."""
+    from saltus.system.faces import FACE
+
+    count = len(system.states)
+    return np.zeros(count, dtype=np.bool_) if isinstance(system, Map) else system.compiled.kinds[:count] == FACE
+
+
+def _pushed(x: NDArray[np.float64], faces: NDArray[np.bool_], push: float) -> NDArray[np.float64]:
+    """Return a state pushed by a share of its size; states that never cross 0 are pushed away from it, unless at 0."""
+    pushed, n = x.copy(), faces.size
     size = np.maximum(np.abs(x[:n]), max(float(np.abs(x[:n]).max()), 1.0) * push)
-    pushed[:n] += push * size * np.cos(np.arange(n))  # no symmetry is likely to keep this direction
+    way = np.cos(np.arange(n))  # no symmetry is likely to keep this direction
+    pushed[:n] += push * size * np.where(faces, np.abs(way) * np.sign(x[:n]), way)
     return pushed
