@@ -65,16 +65,21 @@ def pencil(J, kinds, n, vector, sizes, period, P, R):
         if whole:
             break
     if not whole:
+        left_of, image, longest = 0.0, 0.0, 0.0
         for a in range(n):
-            v[a] = 0.0
+            v[a], lost = 0.0, 0.0
             for b in range(n):
                 matrix[a * n + b] = P[a * n + b]
                 v[a] += R[a * n + b] * vector[b]
+                lost += P[a * n + b] * vector[b]
+            left_of, image, longest = max(left_of, abs(lost)), max(image, abs(v[a])), max(longest, abs(vector[a]))
         sign, _ = solve_flat(matrix, v, n, int64(1))
         size = 0.0
         for a in range(n):
             size = max(size, abs(v[a]))
-        improved = sign != 0.0 and 0.0 < size < 1e300 and _aligned(v, vector, size, n)
+        # what P leaves of it is to be less than of the flow: it is not where another multiplier is 0 as well
+        improved = sign != 0.0 and 0.0 < size < 1e300 and image * longest < left_of * size
+        improved = improved and _aligned(v, vector, size, n)
         for a in range(n):
             better[a] = v[a] / size if improved else vector[a]
         _quotient(P, R, better, n, left, right, tau, work)
