@@ -24,12 +24,15 @@ LONG = {"basins.nc", "cascade.nc", "diagram.nc", "family.nc", "fit.nc", "locus.n
 SAME = 1e-9  # of a variable's size: the last bits depend on the processor
 # the same for points that steps along a curve lead to: the length of a step grows with what rounding leaves of an error
 ALONG = 1e-6
-VANISHING = {"E_ts_eV": "virial_eV"}  # a conservative force loses nothing: what is left is rounding of its work
+# a conservative force loses nothing: what is left is rounding of its work; a clock begins at 0 but for rounding
+VANISHING = {"E_ts_eV": "virial_eV", "min_s": "max_s"}
 ROUNDING = ("residual", "special_test")  # ends of names of what is 0 but for rounding of 1
 ZERO = 1e-11  # size up to which what is kept of special points is the same, as the place of a cusp at 0
 CLOCKS = {"seconds", "elapsed", "created"}  # what the clock tells
 # dimensions that changed: steps have other lengths where an eigenvalue touches 0, as that of a pitchfork's branch does
 OTHER_POINTS = {"diagram.nc": {"branch1_point"}}
+# what was computed wrongly: harmonics where an angle turns far within a step, as of a state that rests
+WRONG = {name: ("harmonic_re", "harmonic_im") for name in ("branch.nc", "cascade.nc", "family.nc", "locus.nc")}
 # what a special point has of the steps around it
 OF_STEPS = {f"branch1_special_{name}" for name in ("arclength", "position", "tangent", "test")}
 
@@ -104,6 +107,8 @@ def test_numbers_are_those_that_an_older_version_computed(version, name, tmp_pat
     assert set(before.sizes) == set(now.sizes)
     assert set(before.variables) == set(now.variables)
     for variable in set(before.variables) - CLOCKS - (OF_STEPS if name == "diagram.nc" else set()):
+        if str(variable).endswith(WRONG.get(name, "nothing else")):
+            continue
         if moved.intersection(before[variable].dims):
             assert before[variable].size != now[variable].size
             continue

@@ -15,6 +15,13 @@ from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 # Places in a step and their weights: exact for polynomials of degree 9, where a step's states have degree 7.
 _PLACES = (0.04691007703066802, 0.23076534494715845, 0.5, 0.7692346550528415, 0.9530899229693320)
 _WEIGHTS = (0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324, 0.11846344252809454)
+_TURN = 0.5  # change of the angle over which these places sum its cosine to rounding
+
+
+@njit(**INNER)
+def _clock(s):
+    """Return the share of a segment's duration that has passed at clustered time s."""
+    return s * s * (3.0 - 2.0 * s)
 
 
 @njit(**INNER)
@@ -30,13 +37,16 @@ def add_moments(view, curve, begun, start, turns, room, moments):
     for step in range(curve.count):
         a = curve.mesh[step]
         h = curve.mesh[step + 1] - a
-        for g in range(5):
-            dense_value(curve.coefficients, step * 7 * n, n, curve.nodes, step * n, _PLACES[g], x)
+        turned = 2.0 * math.pi * turns * duration / view.period * (_clock(a + h) - _clock(a))
+        parts = 1 + int(abs(turned) / _TURN) if abs(turned) < 1e6 else 1
+        for g in range(5 * parts):
+            place = (g // 5 + _PLACES[g % 5]) / parts
+            dense_value(curve.coefficients, step * 7 * n, n, curve.nodes, step * n, place, x)
             if outputs > 0:
                 call(functions[OUTPUTS], curve.mode, 0, x, 0, p, out, 0)
-            s = a + h * _PLACES[g]
-            weight = _WEIGHTS[g] * h * 6.0 * s * (1.0 - s) * duration / view.period
-            time = (begun + duration * s * s * (3.0 - 2.0 * s)) / view.period
+            s = a + h * place
+            weight = _WEIGHTS[g % 5] * h / parts * 6.0 * s * (1.0 - s) * duration / view.period
+            time = (begun + duration * _clock(s)) / view.period
             angle = start + 2.0 * math.pi * turns * time
             cosine, sine = weight * math.cos(angle), weight * math.sin(angle)
             for q in range(n + outputs):
