@@ -98,7 +98,7 @@ class EventDrivenMotion:
         self.system, self.rtol, self.atol = system, float(rtol), float(atol)
         self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
         self.limit = limit_of(compiled, self.p, x) if limit is None else limit
-        self._full = np.ones(n) if whole else shares_of(compiled, self.p)
+        self._full = compiled.whole.copy() if whole else shares_of(compiled, self.p)
         self._sizes = np.abs(x)
         self.shares = self._full.copy() if whole else small_groups(compiled, self._sizes, self._full)
         self.addresses = with_shares(compiled.motion, self.shares)

@@ -1,5 +1,10 @@
 """Errors of flows and quadratures, and the tolerances that are asked of them."""
 
+from saltus.scales.doubles import EPS
+
+# Rounding of an angle in a step, over the angle with all its turns: a sum of some ten terms, and its sine.
+TURNED = 64.0 * EPS
+
 # Relative tolerance to which an orbit is computed where a looser one cannot tell: the default, at which nothing
 # is asked again. Steps of order 8 leave rounding a tenth of it.
 FINEST = 1e-12

@@ -376,4 +376,5 @@ class FlowReturns:
         )  # fmt: skip
         run.follow(time, None, None)
         sizes = np.abs(run.steps()[2]).max(axis=0)
+        sizes[self.system.angle_places] = np.minimum(sizes[self.system.angle_places], math.pi)
         return np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))
