@@ -68,7 +68,10 @@ def course_of(cloud: NDArray[np.float64]) -> Course:
 
 
 def _bands(cloud: NDArray[np.float64]) -> int:
-    """Return the fewest bands that points visit in turn, each of them small; 1 where there are none."""
+    """Return the fewest bands that points visit in turn, each of them small; 1 where there are none.
+
+    A motion stays in its bands. One that turns by nearly a fraction passes through what so few points take for one.
+    """
     extent = np.ptp(cloud, axis=0)
     wide = extent > _FLAT * float(extent.max(initial=0.0))
     for count in range(2, len(cloud) // _FEWEST + 1):
@@ -77,9 +80,21 @@ def _bands(cloud: NDArray[np.float64]) -> int:
             np.all(np.ptp(part[i::count, wide], axis=0) <= _BAND * extent[wide])
             for part in (cloud[: 8 * count], cloud)
             for i in range(count)
-        ):
+        ) and all(_stays(cloud[i::count, wide]) for i in range(count)):
             return count
     return 1
+
+
+def _stays(points: NDArray[np.float64]) -> bool:
+    """Return whether points do not pass on: the middle of each of their halves lies within the range of the other."""
+    extent = np.ptp(points, axis=0)
+    moving = points[:, extent > _FLAT * float(extent.max())]
+    halves = moving[: len(moving) // 2], moving[len(moving) // 2 :]
+    return all(
+        bool(np.all((a.min(axis=0) <= middle) & (middle <= a.max(axis=0))))
+        for a, b in (halves, halves[::-1])
+        for middle in (np.median(b, axis=0),)
+    )
 
 
 def _course(points: NDArray[np.float64]) -> Course:
