@@ -12,6 +12,7 @@ from discrete import HENON, LOGISTIC, TENT, tent_of
 from saltus import Average, InputError, Map, Piece, lyapunov_spectrum, run_sweep
 from saltus.errors import DefinitionError
 from saltus.options import SweepOptions
+from saltus.system.angles import TURN
 from selection import guarding
 
 
@@ -102,6 +103,38 @@ def test_a_torus_keeps_its_label_however_many_iterates_are_kept(system, rotation
     assert sweep.labels[0, 0] == "quasi-periodic"
     if rotation is not None:
         assert sweep.rotations[0, 0] == pytest.approx(rotation, abs=1e-4)
+
+
+QUASI_FORCED = Map(
+    ("x", "t"), {"a": 3.35, "e": 0.1, "o": GOLDEN}, {"x": "a*x*(1 - x) + e*cos(t)", "t": "t + o"}, angles=("t",)
+)
+
+
+def exponent_of_the_forced_logistic_map(a, start, count=400_000):
+    """Mean logarithm of the derivative along its own iterates, from many phases side by side."""
+    t = start[1] + TURN * np.arange(400.0) / 400.0
+    x, total = np.full(t.size, start[0]), 0.0
+    for i in range(-1000, count // t.size * 10):
+        if i >= 0:
+            total += float(np.log(np.abs(a * (1.0 - 2.0 * x))).mean())
+        x, t = a * x * (1.0 - x) + 0.1 * np.cos(t), t + GOLDEN
+    return total / (count // t.size * 10)
+
+
+@pytest.mark.parametrize("keep", guarding([100, 200, 500, 2000], 100, 500))
+def test_no_label_of_a_quasi_periodically_forced_map_contradicts_the_truth(keep):
+    values = [3.32, 3.33, 3.34, 3.345, 3.35, 3.355, 3.36]
+    options = SweepOptions(follow="restart", keep=keep)
+    sweep = run_sweep(QUASI_FORCED, "a", values, x0=[0.4, 0.1], options=options)
+    for value, label in zip(values, sweep.labels[0].tolist(), strict=True):
+        truth = exponent_of_the_forced_logistic_map(value, (0.4, 0.1))
+        if label == "chaotic":
+            assert truth > 0.003
+        elif label == "strange nonchaotic":
+            assert truth < 0.001
+        else:
+            assert label == ("quasi-periodic" if value == 3.32 else "unresolved")
+    assert sweep.labels[0].tolist().count("unresolved") <= 2
 
 
 @pytest.mark.parametrize(

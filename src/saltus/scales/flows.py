@@ -44,3 +44,7 @@ ROUGHEST = 1e-8
 # Curvature of the tangent spaces, over a cycle's size, that a piece at the saddle may magnify: what is left is as small
 # as the Newton step of a converged cycle.
 MAGNIFIED_CURVATURE = 1e-9
+
+# Distance from 0 of an exponent, in half widths of its confidence interval, from which on it is not 0: chance
+# passes one such width of 20 batches in one motion of 40, two in one of 4000.
+BY_CHANCE = 2.0

@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Begun", "Row", "Task"]
 
-_LOOKS = 3  # looks at a motion, each `Criteria.patience` times as long as the one before
+_USUAL = 3  # looks at a motion in doubt, however long they are
+_MOST = 100_000  # returns of a further look at the most
 
 
 @dataclass(frozen=True)
@@ -233,10 +234,10 @@ class Task:
         if self._rests(seen):
             pushed = _pushed(seen.found.x_end, len(self.system.states), self.criteria.push)
             seen = self._seen(p, self.motions.settled(p, pushed, seen.found.mode_end, self._looked_at))
-        for look in range(1, _LOOKS):
-            if not self._in_doubt(seen, look):
-                break
+        for look in range(1, self.motions.looks):
             count = self._looked_at * self.criteria.patience**look
+            if not self._in_doubt(seen, look) or (look >= _USUAL and count > _MOST):
+                break
             seen = self._seen(p, self.motions.settled(p, seen.found.x_end, seen.found.mode_end, count), count=count)
         found, growth, kind = seen
         points = self._points(found, parameters)

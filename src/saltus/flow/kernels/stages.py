@@ -64,8 +64,8 @@ def state_error(slopes, n, used, h, x, x_end, tolerances, shares):
     """Error of a step over its tolerance, from the estimates of order 5 and 3; the first `used` of n components count.
 
     tolerances: relative and absolute. shares: of each component in the absolute one, (used,); a component without a share
-    is measured by its own size, one with a negative share by that of all with the same share, an angle by half a turn at
-    most.
+    is measured by its own size, one with a negative share by that of all with the same share. An
+    angle counts half a turn at most.
     """
     outlined()
     rtol, atol = tolerances

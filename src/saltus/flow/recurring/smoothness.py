@@ -22,7 +22,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Course", "course_of", "is_rough", "weighted_mean"]
+__all__ = ["STILL", "Course", "course_of", "is_rough", "weighted_mean"]
 
 _BAND = 0.25  # largest extent of a band, over that of all points
 _FEWEST = 48  # points of a band below which nothing is said
@@ -30,7 +30,7 @@ _FLAT = 1e-3  # extent of a state, over the largest one's, below which it is con
 # The length of a graph over the circle comes to an end when its points become more. That of a strange set grows with a
 # power of their count. From these factors on it has none.
 _LONGER = 2.0  # for 16 times as many points
-_STILL = 1.2  # for 4 times as many
+STILL = 1.2  # for 4 times as many
 
 
 class Course(NamedTuple):
@@ -143,4 +143,4 @@ def _has_no_length(angles: NDArray[np.float64], heights: NDArray[np.float64]) ->
     """Whether the graph of heights over angles becomes longer with its points, to the end."""
     n = len(angles)
     lengths = [float(np.abs(np.diff(heights[-m:][np.argsort(angles[-m:])])).sum()) for m in (n // 16, n // 4, n)]
-    return lengths[2] >= _LONGER * lengths[0] > 0.0 and lengths[2] >= _STILL * lengths[1]
+    return lengths[2] >= _LONGER * lengths[0] > 0.0 and lengths[2] >= STILL * lengths[1]
