@@ -344,7 +344,8 @@ class EventDrivenMotion:
     def _ahead(self) -> NDArray[np.float64]:
         """How far the motion goes in a step that could not be taken."""
         slope = self.slopes[: self.x.size]
-        return np.asarray(2.0 * float(self.numbers[self.kernels.STEP]) * slope)
+        ahead, step = np.zeros(slope.size), 2.0 * float(self.numbers[self.kernels.STEP])
+        return np.multiply(step, slope, out=ahead, where=slope != 0.0)  # at rest steps may be infinite
 
     def steps(self) -> tuple[NDArray[Any], ...]:
         """Times and lengths, modes, starts and dense coefficients of the steps."""
