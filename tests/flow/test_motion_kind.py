@@ -13,6 +13,8 @@ from saltus.errors import InputError
 from saltus.flow.motion_kind import classify
 from saltus.flow.recurring.closed_curves import rotation_number
 from saltus.flow.recurring.criteria import Criteria
+from saltus.system.angles import TURN
+from selection import guarding
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 KEPT = 100
@@ -151,7 +153,8 @@ def test_without_a_clear_exponent_points_on_no_curve_are_unresolved():
     rng = np.random.default_rng(1)
     assert classify(rng.standard_normal((KEPT, 3)), 0.0, 0.1).label == "unresolved"
     assert classify(rng.standard_normal((KEPT, 3)), -0.2, 0.1).label == "unresolved"
-    assert classify(rng.standard_normal((KEPT, 3)), 0.2, 0.1).label == "chaotic"
+    assert classify(rng.standard_normal((KEPT, 3)), 0.15, 0.1).label == "unresolved"
+    assert classify(rng.standard_normal((KEPT, 3)), 0.25, 0.1).label == "chaotic"
     assert classify(on_circle(GOLDEN * np.arange(KEPT)), 0.0, 0.1).label == "quasi-periodic"
 
 
@@ -308,3 +311,36 @@ def test_the_work_on_a_label_is_in_proportion_to_the_returns():
         classify(points, 0.6, 0.01)
         spent.append(process_time() - began)
     assert spent[1] < 40.0 * max(spent[0], 1e-3)
+
+
+def on_a_circle(turns, count):
+    angle = TURN * turns * np.arange(count)
+    return np.column_stack([np.cos(angle) + 0.3 * np.cos(2.0 * angle + 1.0), 1e-9 * np.sin(angle)])
+
+
+def on_two_circles(turns, count):
+    k = np.arange(count)
+    angle = TURN * turns * (k // 2)
+    return np.column_stack([3.0 * (-1.0) ** k + 0.5 * np.cos(angle), np.sin(angle)])
+
+
+def on_a_torus(turns, count):
+    one, other = TURN * turns * np.arange(count), TURN * math.sqrt(7.0) * np.arange(count)
+    return np.column_stack([np.cos(one) + 0.3 * np.cos(other), np.sin(one) + 0.3 * np.sin(other), np.cos(other)])
+
+
+ROTATIONS = [GOLDEN, math.sqrt(2.0) - 1.0, math.pi - 3.0]
+ROTATIONS += np.random.default_rng(5).uniform(0.05, 0.95, 12).tolist()
+
+
+@pytest.mark.parametrize("points", [on_a_circle, on_two_circles, on_a_torus])
+@pytest.mark.parametrize(
+    ("turns", "count"),
+    guarding(
+        [(turns, count) for turns in ROTATIONS for count in (1600, 5000, 20_000, 80_000)],
+        *((turns, count) for turns in ROTATIONS[:2] for count in (1600, 20_000)),
+        (ROTATIONS[0], 80_000),
+    ),
+)
+def test_the_label_of_a_rotation_is_the_same_for_every_count_of_points(points, turns, count):
+    assert classify(points(turns, count), 0.0, 1e-3).label == "quasi-periodic"

@@ -12,6 +12,8 @@ from discrete import HENON, LOGISTIC, TENT, tent_of
 from saltus import Average, InputError, Map, Piece, lyapunov_spectrum, run_sweep
 from saltus.errors import DefinitionError
 from saltus.options import SweepOptions
+from saltus.system.angles import TURN
+from selection import guarding
 
 
 def test_the_logistic_map_at_four_has_the_exponent_ln_2():
@@ -70,6 +72,69 @@ def test_a_spectrum_of_a_map_counts_iterations(tmp_path):
     assert found.plot().get_xlabel() == "iterations"
     assert saltus.load(found.save(tmp_path / "henon.nc")) == found
     assert found.to_xarray()["exponent"].attrs["unit"] == "1 / iteration"
+
+
+GOLDEN = math.pi * (math.sqrt(5.0) - 1.0)
+ROTATION = Map(("t",), {"o": GOLDEN}, {"t": "t + o"}, angles=("t",))
+FORCED = Map(("x", "t"), {"s": 0.9, "o": GOLDEN}, {"x": "2*s*tanh(x)*cos(t)", "t": "t + o"}, angles=("t",))
+CIRCLE = Map(("x",), {"w": 2.0, "K": 0.9}, {"x": "x + w + K*sin(x)"}, angles=("x",))
+NEIMARK = Map(  # its circle has the radius sqrt(10*(r - 1)) and turns by o
+    ("x", "y"),
+    {"r": 1.05, "o": 2.0},
+    {
+        "x": "r*(cos(o)*x - sin(o)*y)/(1 + 0.1*(x**2 + y**2))",
+        "y": "r*(sin(o)*x + cos(o)*y)/(1 + 0.1*(x**2 + y**2))",
+    },
+)
+
+
+@pytest.mark.parametrize(
+    ("system", "rotation"),
+    [(ROTATION, (3.0 - math.sqrt(5.0)) / 2.0), (FORCED, (3.0 - math.sqrt(5.0)) / 2.0), (CIRCLE, None),
+     (NEIMARK, 1.0 / math.pi)],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("keep", "discard"), guarding([(100, 600), (1000, 600), (5000, 600), (5000, 20_000), (20_000, 600)], (5000, 600))
+)
+def test_a_torus_keeps_its_label_however_many_iterates_are_kept(system, rotation, keep, discard):
+    parameter, start = system.parameter_names[0], [0.3, 0.1][: len(system.states)]
+    options = SweepOptions(keep=keep, discard=discard)
+    sweep = run_sweep(system, parameter, [system.parameters[parameter]], x0=start, options=options)
+    assert sweep.labels[0, 0] == "quasi-periodic"
+    if rotation is not None:
+        assert sweep.rotations[0, 0] == pytest.approx(rotation, abs=1e-4)
+
+
+QUASI_FORCED = Map(
+    ("x", "t"), {"a": 3.35, "e": 0.1, "o": GOLDEN}, {"x": "a*x*(1 - x) + e*cos(t)", "t": "t + o"}, angles=("t",)
+)
+
+
+def exponent_of_the_forced_logistic_map(a, start, count=400_000):
+    """Mean logarithm of the derivative along its own iterates, from many phases side by side."""
+    t = start[1] + TURN * np.arange(400.0) / 400.0
+    x, total = np.full(t.size, start[0]), 0.0
+    for i in range(-1000, count // t.size * 10):
+        if i >= 0:
+            total += float(np.log(np.abs(a * (1.0 - 2.0 * x))).mean())
+        x, t = a * x * (1.0 - x) + 0.1 * np.cos(t), t + GOLDEN
+    return total / (count // t.size * 10)
+
+
+@pytest.mark.parametrize("keep", guarding([100, 200, 500, 2000], 100, 500))
+def test_no_label_of_a_quasi_periodically_forced_map_contradicts_the_truth(keep):
+    values = [3.32, 3.33, 3.34, 3.345, 3.35, 3.355, 3.36]
+    options = SweepOptions(follow="restart", keep=keep)
+    sweep = run_sweep(QUASI_FORCED, "a", values, x0=[0.4, 0.1], options=options)
+    for value, label in zip(values, sweep.labels[0].tolist(), strict=True):
+        truth = exponent_of_the_forced_logistic_map(value, (0.4, 0.1))
+        if label == "chaotic":
+            assert truth > 0.003
+        elif label == "strange nonchaotic":
+            assert truth < 0.001
+        else:
+            assert label == ("quasi-periodic" if value == 3.32 else "unresolved")
+    assert sweep.labels[0].tolist().count("unresolved") <= 2
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ class EventDrivenMotion:
         self.system, self.rtol, self.atol = system, float(rtol), float(atol)
         self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
         self.limit = limit_of(compiled, self.p, x) if limit is None else limit
-        self._full = np.ones(n) if whole else shares_of(compiled, self.p)
+        self._full = compiled.whole.copy() if whole else shares_of(compiled, self.p)
         self._sizes = np.abs(x)
         self.shares = self._full.copy() if whole else small_groups(compiled, self._sizes, self._full)
         self.addresses = with_shares(compiled.motion, self.shares)
@@ -344,7 +344,8 @@ class EventDrivenMotion:
     def _ahead(self) -> NDArray[np.float64]:
         """How far the motion goes in a step that could not be taken."""
         slope = self.slopes[: self.x.size]
-        return np.asarray(2.0 * float(self.numbers[self.kernels.STEP]) * slope)
+        ahead, step = np.zeros(slope.size), 2.0 * float(self.numbers[self.kernels.STEP])
+        return np.multiply(step, slope, out=ahead, where=slope != 0.0)  # at rest steps may be infinite
 
     def steps(self) -> tuple[NDArray[Any], ...]:
         """Times and lengths, modes, starts and dense coefficients of the steps."""

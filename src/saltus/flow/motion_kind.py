@@ -14,13 +14,14 @@ In this order, thresholds being those of `Criteria`:
    looked at, so that it is seen four times.
 4. ``locked-N``: it recurs after N returns, more than `longest`, and winds round a closed curve. A locked motion on a
    torus does. Points in pairs, as after a period doubling, are counted once. The rotation number is a fraction.
-5. ``chaotic``: the leading exponent is above 0 by more than its error, and perturbations grow by more than the count of
-   returns. Such a motion may recur within `recurrence`, in narrow bands, but not within rounding.
+5. ``chaotic``: the leading exponent is above 0 by more than twice its error, which chance seldom leaves. Perturbations
+   grow by more than the count of returns. Such a motion may recur within `recurrence`, in narrow bands, but not within
+   rounding.
 6. ``quasi-periodic``: the leading exponent is 0 within its error, and no count of returns recurs. The points are
-   smooth, by means that converge fast (`saltus.flow.recurring.smoothness`), or they lie on closed curves and do not
-   drift.
-7. ``strange nonchaotic``: the exponent is 0 within its error, and the points go round a circle over which they are
-   nowhere smooth.
+   smooth, by means that converge fast (`saltus.flow.recurring.smoothness`). Or they lie on closed curves, which have a
+   length, and do not drift.
+7. ``strange nonchaotic``: the exponent is 0 within its error, and above 0 by half of it at most. The points go round a
+   circle over which they are nowhere smooth.
 8. ``unresolved``: none of these can be told. More returns may tell.
 
 `saltus.flow.recurring.recurrence` counts returns. `saltus.flow.recurring.closed_curves` finds curves and rotation
@@ -34,11 +35,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.flow.recurring.closed_curves import cut_circle, locked_turns, rotation_number
+from saltus.flow.recurring.closed_curves import cut_circle, has_length, locked_turns, rotation_number
 from saltus.flow.recurring.criteria import Criteria
 from saltus.flow.recurring.recurrence import Recurrence
 from saltus.flow.recurring.smoothness import course_of, is_rough
-from saltus.scales import EPS, Verdict, zero
+from saltus.scales import BY_CHANCE, EPS, Verdict, zero
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -130,8 +131,9 @@ def _aperiodic(cloud: NDArray[np.float64], exponent: float, error: float, limits
     """Return what a motion is that does not recur."""
     course = course_of(cloud)
     # what grows like time, as on the tori of a shear, has no exponent; a sum of logarithms rounds like their count
+    chance = BY_CHANCE * error
     error = max(error, math.log(len(cloud)) / len(cloud) if exponent > 0.0 else EPS * len(cloud))
-    if exponent > error:
+    if exponent > max(error, chance):
         return Kind(UNRESOLVED if course.smooth else CHAOTIC, 0, math.nan, 0)
     if zero(exponent, error) is not Verdict.YES:
         return Kind(UNRESOLVED, 0, math.nan, 0)
@@ -140,6 +142,8 @@ def _aperiodic(cloud: NDArray[np.float64], exponent: float, error: float, limits
         rotation, curves = cut_circle(cloud)
     # means over a curve with jumps converge like the turns round it
     on_curve = curves > 0 and not course.drifts and course.error**2 * len(cloud) * rotation <= 1.0
+    on_curve = on_curve and has_length(cloud, curves)
     if on_curve or (course.smooth and cloud.shape[1] > 1):
         return Kind(QUASI_PERIODIC, 0, rotation, curves)
-    return Kind(STRANGE if is_rough(cloud) else UNRESOLVED, 0, math.nan, 0)
+    strange = BY_CHANCE * exponent <= error and is_rough(cloud)  # weak chaos may be within the error as well
+    return Kind(STRANGE if strange else UNRESOLVED, 0, math.nan, 0)

@@ -39,7 +39,7 @@ def shares_of(compiled: Compiled, p: NDArray[np.float64]) -> NDArray[np.float64]
         Parameters, extended or not.
     """
     kinds, own = compiled.kinds, set(compiled.kinds.tolist())
-    shares = np.where(kinds == FACE, 0.0, 1.0)
+    shares = np.where(kinds == FACE, 0.0, compiled.whole)
     for kind, value in ((SUPPLIED, 0.0), (EXPONENTIAL, 1.0)):
         if kind not in own:
             continue

@@ -52,7 +52,7 @@ class Sizes:
     @property
     def atol(self) -> float:
         """Absolute tolerance of the motion's steps."""
-        return ATOL * _share(self.of_states[self.shares == 1.0])
+        return ATOL * _share(self.of_states[self.shares >= 1.0])
 
 
 def sizes_along(
@@ -149,7 +149,7 @@ def _share_needed(run: EventDrivenMotion) -> float:
     """Size of the least state along a motion, or 1 where all are larger or none is known."""
     states = run.steps()[2] if run.kept_steps else np.empty((0, run.x.size))
     sizes, count = np.abs(states).max(axis=0, initial=0.0), len(run.system.states)
-    counted = run.shares[:count] == 1.0
+    counted = run.shares[:count] >= 1.0
     if (sizes[:count][counted] >= SMALL).all() or not sizes[:count].max() > _LEAST:
         return 1.0
     p = run.p[: len(run.system.parameters)]

@@ -1,5 +1,10 @@
 """Errors of flows and quadratures, and the tolerances that are asked of them."""
 
+from saltus.scales.doubles import EPS
+
+# Rounding of an angle in a step, over the angle with all its turns: a sum of some ten terms, and its sine.
+TURNED = 64.0 * EPS
+
 # Relative tolerance to which an orbit is computed where a looser one cannot tell: the default, at which nothing
 # is asked again. Steps of order 8 leave rounding a tenth of it.
 FINEST = 1e-12
@@ -39,3 +44,7 @@ ROUGHEST = 1e-8
 # Curvature of the tangent spaces, over a cycle's size, that a piece at the saddle may magnify: what is left is as small
 # as the Newton step of a converged cycle.
 MAGNIFIED_CURVATURE = 1e-9
+
+# Distance from 0 of an exponent, in half widths of its confidence interval, from which on it is not 0: chance
+# passes one such width of 20 batches in one motion of 40, two in one of 4000.
+BY_CHANCE = 2.0

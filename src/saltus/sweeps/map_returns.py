@@ -44,6 +44,7 @@ class MapReturns:
     exponents: int
     criteria: Criteria
     faults: ClassVar[tuple[type[Exception], ...]] = (DivergenceError,)
+    looks: ClassVar[int] = 5  # iterates are cheap
     growth_error: ClassVar[float] = 0.0
     autonomous: ClassVar[bool] = False
 

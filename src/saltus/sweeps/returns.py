@@ -55,11 +55,14 @@ class Returns(Protocol):
         Errors of a motion that give it the label ``diverged`` or, where events accumulate, ``chattering``.
     growth_error : float
         Error of a leading exponent per return that no longer time makes smaller.
+    looks : int
+        Looks at a motion that is in doubt, each `Criteria.patience` times as long as the one before.
     autonomous : bool
         Whether an exponent is 0 by itself, that of the flow's direction.
     """
 
     faults: ClassVar[tuple[type[Exception], ...]]
+    looks: ClassVar[int]
 
     @property
     def growth_error(self) -> float:
@@ -139,6 +142,7 @@ class FlowReturns:
     growing: bool = False
     # the last of them where x0 is in no mode
     faults: ClassVar[tuple[type[Exception], ...]] = (ChatteringError, DivergenceError, StiffnessError, InputError)
+    looks: ClassVar[int] = 3
 
     @classmethod
     def checked(cls, system: HybridSystem, x0: StateLike | None, options: SweepOptions) -> FlowReturns:
@@ -376,4 +380,5 @@ class FlowReturns:
         )  # fmt: skip
         run.follow(time, None, None)
         sizes = np.abs(run.steps()[2]).max(axis=0)
+        sizes[self.system.angle_places] = np.minimum(sizes[self.system.angle_places], math.pi)
         return np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))

@@ -30,6 +30,7 @@ from saltus.flow.recurring.criteria import Criteria
 from saltus.flow.variational import Growth
 from saltus.sweeps.map_returns import MapReturns
 from saltus.sweeps.options import SweepOptions
+from saltus.sweeps.reasons import lost, never_settles
 from saltus.sweeps.returns import FlowReturns, Returns
 from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped
@@ -43,7 +44,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Begun", "Row", "Task"]
 
-_LOOKS = 3  # looks at a motion, each `Criteria.patience` times as long as the one before
+_USUAL = 3  # looks at a motion in doubt, however long they are
+_MOST = 100_000  # returns of a further look at the most
 
 
 @dataclass(frozen=True)
@@ -223,28 +225,34 @@ class Task:
         known = Begun() if begun is None else begun
         found = known.found
         try:
+            begin = self.motions.start(p, end)
             if found is None:
-                found = self.motions.settled(p, *self.motions.start(p, end), self._looked_at)
-            return self._found(parameters, p, self._seen(p, found, known))
+                found = self.motions.settled(p, *begin, self._looked_at)
+            return self._found(parameters, p, self._seen(p, found, known), begin[0])
         except self.motions.faults as error:
             return Row(CHATTERING if isinstance(error, ChatteringError) else DIVERGED, str(error))
 
-    def _found(self, parameters: Mapping[str, float], p: NDArray[np.float64], seen: _Seen) -> Row:
+    def _found(
+        self, parameters: Mapping[str, float], p: NDArray[np.float64], seen: _Seen, begin: NDArray[np.float64]
+    ) -> Row:
         if self._rests(seen):
             pushed = _pushed(seen.found.x_end, _faces(self.system), self.criteria.push)
             seen = self._seen(p, self.motions.settled(p, pushed, seen.found.mode_end, self._looked_at))
-        for look in range(1, _LOOKS):
-            if not self._in_doubt(seen, look):
-                break
+        for look in range(1, self.motions.looks):
             count = self._looked_at * self.criteria.patience**look
+            if not self._in_doubt(seen, look) or (look >= _USUAL and count > _MOST):
+                break
             seen = self._seen(p, self.motions.settled(p, seen.found.x_end, seen.found.mode_end, count), count=count)
         found, growth, kind = seen
         points = self._points(found, parameters)
         if growth is None:
+            end = found.x_end, found.mode_end
+            if reason := lost(self.system, p, begin, end):
+                return Row(UNRESOLVED, reason, points=points, state=end[0], mode=end[1])
             return Row(kind.label, points=points, state=found.x_end, mode=found.mode_end)
         return Row(
             kind.label,
-            self._reason(seen) if kind.label == UNRESOLVED else "",
+            self._reason(seen, p) if kind.label == UNRESOLVED else "",
             points=points,
             kind=kind,
             exponents=growth.exponents,
@@ -288,11 +296,12 @@ class Task:
         time = self.motions.mean_time(seen.found)
         return float(seen.growth.exponents[0]) * time, float(seen.growth.errors[0]) * time
 
-    def _reason(self, seen: _Seen) -> str:
+    def _reason(self, seen: _Seen, p: NDArray[np.float64]) -> str:
         """Return in words why a motion is unresolved."""
         exponent, error = self._leading(seen)
         found = f"the leading exponent is {exponent:.3g} +- {error:.1g} a return, and no lag repeats"
-        return f"{found} in {len(seen.found.times)} returns: a larger discard or keep may tell"
+        never = never_settles(self.system, p, seen.found, self.criteria)
+        return f"{found} in {len(seen.found.times)} returns: {never or 'a larger discard or keep may tell'}"
 
     def _rests(self, seen: _Seen) -> bool:
         """Whether a motion that recurs does so although its leading exponent is above 0, by more than its error."""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from saltus.system.writing.writer import Writer
 
 __all__ = [
+    "ANGLE",
     "FLOW",
     "FUNCTIONS",
     "SECOND",
@@ -54,6 +55,9 @@ MOTION = ("derive", "field", "event", "event_x", "reset", "guard", "ways", "roun
 # Place behind the functions' addresses of that of the states' shares of an absolute tolerance, shape (n,).
 SHARES = len(FUNCTIONS)
 
+# The share of an angle: all of the absolute tolerance, and of the relative one no more than that of half a turn.
+ANGLE = 2.0
+
 # Names of the functions of second derivatives, in the order of `CompiledSecond.addresses`.
 SECOND = ("derive", "field_2", "event_2", "reset_2")
 
@@ -66,7 +70,9 @@ class Compiled:
     motion : ndarray of int64, shape (functions + 1,)
         Where each of `FUNCTIONS` that is one of `MOTION` begins, 0 for others; valid in this process only. A system
         without exponents has 0 for ``ways``. The last is the address of the states' shares of an absolute tolerance,
-        all of them 1.
+        `whole`.
+    whole : ndarray, shape (n,)
+        A whole share of each state: 1, or `ANGLE`.
     kinds : ndarray of int64, shape (n,)
         The kind of each state, as `saltus.system.faces` tells them.
     numbers : ndarray, shape (2,)
@@ -90,7 +96,8 @@ class Compiled:
     def __init__(self, module: Any, system: Definition) -> None:
         self._module = module  # addresses are valid as long as the module is
         self.n = len(system.all_states)
-        self._whole = np.ones(self.n)
+        self.whole = np.ones(self.n)
+        self.whole[system.angle_places] = ANGLE
         self.motion = self._addresses(MOTION)
         self.kinds = np.array(module.KINDS, dtype=np.int64)
         self.numbers = np.array(module.NUMBERS, dtype=np.float64)
@@ -122,7 +129,7 @@ class Compiled:
     def _addresses(self, wanted: Sequence[str]) -> NDArray[np.int64]:
         needed = set(wanted) if self._module.EXPONENTS else set(wanted) - {"ways"}
         found = [getattr(self._module, name).address if name in needed else 0 for name in FUNCTIONS]
-        return np.array([*found, self._whole.ctypes.data], dtype=np.int64)
+        return np.array([*found, self.whole.ctypes.data], dtype=np.int64)
 
     def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants behind them, shape (n_parameters + n_constants,)."""

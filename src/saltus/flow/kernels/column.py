@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 from numba import float64, int64
 
 from saltus.flow.kernels.polynomial import ROOTS, bernstein_roots, variations
+from saltus.flow.kernels.shares import allowed, size_of
 from saltus.flow.kernels.state import EPSILON
-from saltus.scales import SMALLEST
 from saltus.system.numba_tools.bits import bits_of, float_of
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, outlined, pointer
@@ -63,12 +63,13 @@ def step_length(c, order, stride, m, first_event, last_event, tolerances, shares
     last = last_but_one = size = slope = total = 0.0
     a, b, first = pointer(c, order * stride), pointer(c, (order - 1) * stride), pointer(c, stride)
     for e in range(m):
-        floor = atol * shares[e] + SMALLEST if e < states else atol
-        weight = 1.0 / (floor + rtol * abs(c[e]))
+        share = shares[e] if e < states else 1.0
+        own = size_of(share, c[e])
+        weight = 1.0 / allowed(share, own, rtol, atol)
         last = max(last, abs(a[e]) * weight)
         last_but_one = max(last_but_one, abs(b[e]) * weight)
         total += a[e] + b[e]
-        size, slope = max(size, abs(c[e])), max(slope, abs(first[e]))
+        size, slope = max(size, own), max(slope, abs(first[e]))
     weight = 1.0 / (atol + rtol * size)
     for e in range(first_event, last_event):
         last = max(last, abs(a[e]) * weight)

@@ -17,6 +17,7 @@ from saltus.flow.kernels.order import NEVER
 from saltus.flow.kernels.polynomial import DEPTH, ROOTS
 from saltus.flow.kernels.rooted import behind_root, passes_root, under_root
 from saltus.flow.kernels.rounded import starts_flat
+from saltus.flow.kernels.shares import diverged
 from saltus.flow.kernels.side import EventEnds, SideRoom, side_after
 from saltus.flow.kernels.state import (
     AGAIN,
@@ -67,9 +68,9 @@ from saltus.flow.kernels.state import (
 from saltus.flow.kernels.step import FIELD, ROUNDING, first_step, size_of_terms
 from saltus.flow.kernels.trial import attempt, interpolant
 from saltus.flow.kernels.ways import JUMP, WAYS, longest_way
-from saltus.system.compiled import FUNCTIONS
+from saltus.system.compiled import FUNCTIONS, SHARES
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, PART, call, outlined, pointer, stack
+from saltus.system.numba_tools.pointers import INNER, PART, call, numbers_at, outlined, pointer, stack
 
 EVENT = FUNCTIONS.index("event")
 EVENT_X = FUNCTIONS.index("event_x")
@@ -365,8 +366,9 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
     if numbers[FIRST_STEP] == 0.0:
         numbers[FIRST_STEP] = h * min(factor, max(1.0, 0.5 * factor))
     if fired < 0:
+        shares = numbers_at(system.addresses[SHARES])
         for e in range(system.n_states):
-            if not abs(room.x_end[e]) < max(tolerances.bound, abs(state.x[e])):
+            if diverged(shares[e], room.x_end[e], max(tolerances.bound, abs(state.x[e]))):
                 return UNBOUNDED
         if steps.room > 0:
             record_step(steps, state, n, h, mode, dense)

@@ -13,8 +13,8 @@ from numba import float64, int64, types
 
 from saltus.flow import radau
 from saltus.flow.kernels.segment import FIELD_P, VARY
+from saltus.flow.kernels.shares import allowed
 from saltus.flow.kernels.stages import dense_slope, dense_value
-from saltus.scales import SMALLEST
 from saltus.system.compiled import SHARES
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import ARRAYS, INNER, call, numbers_at, outlined, pointer
@@ -303,7 +303,7 @@ def roughness(n, used, x, increments, tolerances, shares):
         for i in range(STAGES):
             last += LAST[i] * increments[i * n + e]
             top = max(top, abs(x[e] + increments[i * n + e]))
-        error = abs(last) / (ROUGH * (atol * shares[e] + SMALLEST + rtol * top))
+        error = abs(last) / (ROUGH * allowed(shares[e], top, rtol, atol))
         if not error <= worst:
             worst = error
     return worst
@@ -367,7 +367,7 @@ def error_between(segment, begin, h, used, x, curve, stages, rtol, atol):
         substitute(stages, n, left)
         for e in range(used):
             top = max(max(abs(x[e]), abs(x[e] + curve[e])), abs(frame[e]))
-            error = abs(left[e]) / (PASSED * (atol * shares[e] + SMALLEST + rtol * top))
+            error = abs(left[e]) / (PASSED * allowed(shares[e], top, rtol, atol))
             if not error <= worst:
                 worst = error
     return worst

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64
 
+from saltus.flow.kernels.shares import allowed
 from saltus.flow.kernels.stages import dense_coefficients, dense_slope, dense_value, error_norm, stage, state_error
 from saltus.flow.kernels.vast import VAST, any_alone, own_error, rescaled, unscaled
 from saltus.flow.kernels.ways import JUMP, WAYS, longest_way
 from saltus.flow.tableaux import NODES as C
-from saltus.scales import SMALLEST
 from saltus.system.compiled import FUNCTIONS, SHARES
 from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, call, keep, numbers_at, outlined, pointer, stack
@@ -163,7 +163,7 @@ def missed(segment, s, h, most, curve, node, x, probe, field, rtol, atol):
         dense_slope(curve, 0, n, fraction, probe)
         state_slope(segment, s + fraction * h, x, field, int64(0))
         for e in range(n):
-            if not abs(probe[e] - h * field[e]) <= MISSED * (atol * shares[e] + SMALLEST + rtol * abs(x[e])):
+            if not abs(probe[e] - h * field[e]) <= MISSED * allowed(shares[e], abs(x[e]), rtol, atol):
                 return True
     return leaps(segment, h, most, curve, node)
 

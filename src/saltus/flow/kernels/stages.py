@@ -7,6 +7,7 @@ import math
 from numba import float64
 
 from saltus.flow import tableaux
+from saltus.flow.kernels.shares import allowed
 from saltus.scales import SMALLEST
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, apart, outlined, pointer, stack
@@ -63,14 +64,15 @@ def state_error(slopes, n, used, h, x, x_end, tolerances, shares):
     """Error of a step over its tolerance, from the estimates of order 5 and 3; the first `used` of n components count.
 
     tolerances: relative and absolute. shares: of each component in the absolute one, (used,); a component without a share
-    is measured by its own size, one with a negative share by that of all with the same share.
+    is measured by its own size, one with a negative share by that of all with the same share. An
+    angle counts half a turn at most.
     """
     outlined()
     rtol, atol = tolerances
     fives = stack(float64, 3 * used)
     threes, scales = pointer(fives, used), pointer(fives, 2 * used)
     for e in range(used):
-        scales[e] = (atol * shares[e] + SMALLEST) + rtol * max(abs(x[e]), abs(x_end[e]))
+        scales[e] = allowed(shares[e], max(abs(x[e]), abs(x_end[e])), rtol, atol)
         if shares[e] < 0.0:
             size = max(group_size(shares, used, e, x), group_size(shares, used, e, x_end))
             scales[e] = SMALLEST + rtol * size

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from saltus.flow.kernels.shares import allowed, size_of
 from saltus.flow.kernels.stages import dense_coefficients, group_size, stage
 from saltus.flow.kernels.state import EPSILON, ERROR_BEFORE, STEP_BEFORE
-from saltus.scales import SMALLEST
 from saltus.system.compiled import FUNCTIONS, SHARES
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, numbers_at, outlined
@@ -49,7 +49,7 @@ def size_of_terms(gradient, n, size):
 def _scale(shares, used, e, x, rtol, atol):
     """Tolerance of a state at a first step."""
     size = abs(x[e]) if shares[e] >= 0.0 else group_size(shares, used, e, x)
-    return (atol if size == 0.0 else atol * max(shares[e], 0.0) + SMALLEST) + rtol * size
+    return atol if size == 0.0 else allowed(max(shares[e], 0.0), size, rtol, atol)
 
 
 @njit(**INNER)
@@ -63,7 +63,7 @@ def first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end):
     shares = numbers_at(addresses[SHARES])
     for e in range(used):
         scale = _scale(shares, used, e, x, rtol, atol)
-        d0 += (x[e] / scale) ** 2
+        d0 += (size_of(shares[e], x[e]) / scale) ** 2
         d1 += (slopes[e] / scale) ** 2
     d0, d1 = math.sqrt(d0 / used), math.sqrt(d1 / used)
     h = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1

@@ -18,6 +18,7 @@ import numpy as np
 from saltus.flow.kernels.column import Columns, evaluate, reached
 from saltus.flow.kernels.polynomial import DEPTH, ROOTS
 from saltus.flow.kernels.rounded import starts_flat
+from saltus.flow.kernels.shares import diverged
 from saltus.flow.kernels.side import EventEnds, SideRoom, side_after
 from saltus.flow.kernels.state import BOUND, DURATION, PASSES, T_LOW, TWO_PI, Crossings, T, advance, system_pointers
 from saltus.flow.kernels.step import ROUNDING
@@ -59,9 +60,9 @@ from saltus.flow.kernels.taylor_step import (
     period,
     residual_at,
 )
-from saltus.system.compiled import FUNCTIONS
+from saltus.system.compiled import FUNCTIONS, SHARES
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import INNER, PART, call, keep, outlined, pointer
+from saltus.system.numba_tools.pointers import INNER, PART, call, keep, numbers_at, outlined, pointer
 
 FIELD = FUNCTIONS.index("field")
 EVENT_X = FUNCTIONS.index("event_x")
@@ -157,10 +158,10 @@ def _wrap(system, returns, motion, mode, landing, in_sigma, columns, after):
 @njit(**PART)
 def _go_on(system, motion, mode, w, crossings, after):
     """Take sides after a step without an event; whether the motion is where it may be."""
-    x = motion.x
+    x, shares = motion.x, numbers_at(system.addresses[SHARES])
     x[system.n] = w
     for e in range(system.n_states):
-        if not abs(x[e]) < BOUND:
+        if diverged(shares[e], x[e], BOUND):
             return False
     call(system.addresses[GUARD], mode, 0, x, 0, system.p, after, 0)
     if not after[0] > 0.0:

@@ -11,8 +11,8 @@ from saltus.flow.kernels.column import column_value, evaluate, roots, shortened,
 from saltus.flow.kernels.order import first_crossing
 from saltus.flow.kernels.polynomial import ROOTS
 from saltus.flow.kernels.rounded import BESIDE, rounding_at
+from saltus.flow.kernels.shares import allowed, size_of
 from saltus.flow.kernels.state import DURATION, PASSES, TWO_PI
-from saltus.scales import SMALLEST
 from saltus.system.compiled import FUNCTIONS, SHARES
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, PART, call, numbers_at, outlined, pointer
@@ -174,9 +174,7 @@ def defect(system, mode, columns, at, h, tolerances, y, slopes):
     for e in range(system.n_states):
         slope = column_value(columns.c, columns.order, columns.stride, e, at)[1]
         size = max(abs(y[e]), abs(columns.c[e]))
-        worst = max(
-            worst, abs(slopes[e] - slope) * h / (tolerances.atol * shares[e] + SMALLEST + tolerances.rtol * size)
-        )
+        worst = max(worst, abs(slopes[e] - slope) * h / allowed(shares[e], size, tolerances.rtol, tolerances.atol))
     return worst
 
 
@@ -190,6 +188,7 @@ def _checked(system, mode, columns, h, first, tolerances, x, room):
     outlined()
     n_states, y, event = system.n_states, room.y, room.event
     c, order, stride, rtol, atol = columns.c, columns.order, columns.stride, tolerances.rtol, tolerances.atol
+    shares = numbers_at(system.addresses[SHARES])
     for _ in range(CUTS):
         worst = 0.0
         for k in range(first, len(CHECKED)):
@@ -200,7 +199,7 @@ def _checked(system, mode, columns, h, first, tolerances, x, room):
             worst = max(worst, defect(system, mode, columns, at, h, tolerances, y, room.after))
             size = 0.0
             for e in range(n_states):
-                size = max(size, abs(y[e]))
+                size = max(size, size_of(shares[e], y[e]))
             place = n_states + 1
             for j in range(system.n_transitions):
                 if system.transitions[3 * j] == mode:
@@ -335,9 +334,9 @@ def residual_at(system, tolerances, motion, landing, room):
     """Size of an event function at its landing; nan where that is not plain."""
     y, event = room.y, room.event
     call(system.addresses[EVENT], landing.fired, 0, y, 0, system.p, event, 0)
-    residual, size = abs(event[0]), 0.0
+    residual, size, shares = abs(event[0]), 0.0, numbers_at(system.addresses[SHARES])
     for e in range(system.n_states):
-        size = max(size, abs(y[e]))
+        size = max(size, size_of(shares[e], y[e]))
     if system.phase > 0.0 and abs(motion.x[system.n_states] + system.phase * landing.dt - TWO_PI) <= SAME:
         return math.nan
     if not residual <= LANDING * (tolerances.atol + tolerances.rtol * size):

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.flow.recurring.recurrence import extent_of
-from saltus.flow.recurring.smoothness import weighted_mean
+from saltus.flow.recurring.smoothness import STILL, weighted_mean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.flow.recurring.criteria import Criteria
 
-__all__ = ["cut_circle", "locked_turns", "rotation_number"]
+__all__ = ["cut_circle", "has_length", "locked_turns", "rotation_number"]
 
 _SMALLEST = 1e-3  # spread of a state, over the largest one's, below which it is constant
 _ENOUGH = 16  # fewest points whose order round a curve is looked at: fewer lie too far apart, unless they recur
@@ -151,6 +151,27 @@ def _turns(points: NDArray[np.float64], limits: Criteria, distinct: int) -> floa
     increments = mean + (increments - mean + 0.5) % 1.0 - 0.5
     turns = float(weighted_mean(increments)) % 1.0
     return float(min(turns, 1.0 - turns))
+
+
+def has_length(cloud: NDArray[np.float64], curves: int) -> bool:
+    """Return whether points on curves, in their order round them, have a length that more points do not change.
+
+    A strange set over a circle has its order, and no length.
+    """
+    for i in range(curves):
+        points = cloud[i::curves]
+        spread = points.std(axis=0)
+        wide = spread > _SMALLEST * spread.max()
+        scaled = (points - points.mean(axis=0))[:, wide] / spread[wide]
+        plane = np.linalg.svd(scaled, full_matrices=False)[2][:2]
+        places = np.arctan2(scaled @ plane[1], scaled @ plane[0]) if wide.sum() > 1 else scaled[:, 0]
+        lengths = [
+            float(np.abs(np.diff(scaled[-count:][np.argsort(places[-count:])], axis=0)).sum())
+            for count in (len(points) // 4, len(points))
+        ]
+        if lengths[1] > STILL * lengths[0]:
+            return False
+    return True
 
 
 def cut_circle(cloud: NDArray[np.float64]) -> tuple[float, int]:

@@ -22,7 +22,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Course", "course_of", "is_rough", "weighted_mean"]
+__all__ = ["STILL", "Course", "course_of", "is_rough", "weighted_mean"]
 
 _BAND = 0.25  # largest extent of a band, over that of all points
 _FEWEST = 48  # points of a band below which nothing is said
@@ -30,7 +30,7 @@ _FLAT = 1e-3  # extent of a state, over the largest one's, below which it is con
 # The length of a graph over the circle comes to an end when its points become more. That of a strange set grows with a
 # power of their count. From these factors on it has none.
 _LONGER = 2.0  # for 16 times as many points
-_STILL = 1.2  # for 4 times as many
+STILL = 1.2  # for 4 times as many
 
 
 class Course(NamedTuple):
@@ -68,7 +68,10 @@ def course_of(cloud: NDArray[np.float64]) -> Course:
 
 
 def _bands(cloud: NDArray[np.float64]) -> int:
-    """Return the fewest bands that points visit in turn, each of them small; 1 where there are none."""
+    """Return the fewest bands that points visit in turn, each of them small; 1 where there are none.
+
+    A motion stays in its bands. One that turns by nearly a fraction passes through what so few points take for one.
+    """
     extent = np.ptp(cloud, axis=0)
     wide = extent > _FLAT * float(extent.max(initial=0.0))
     for count in range(2, len(cloud) // _FEWEST + 1):
@@ -77,9 +80,21 @@ def _bands(cloud: NDArray[np.float64]) -> int:
             np.all(np.ptp(part[i::count, wide], axis=0) <= _BAND * extent[wide])
             for part in (cloud[: 8 * count], cloud)
             for i in range(count)
-        ):
+        ) and all(_stays(cloud[i::count, wide]) for i in range(count)):
             return count
     return 1
+
+
+def _stays(points: NDArray[np.float64]) -> bool:
+    """Return whether points do not pass on: the middle of each of their halves lies within the range of the other."""
+    extent = np.ptp(points, axis=0)
+    moving = points[:, extent > _FLAT * float(extent.max())]
+    halves = moving[: len(moving) // 2], moving[len(moving) // 2 :]
+    return all(
+        bool(np.all((a.min(axis=0) <= middle) & (middle <= a.max(axis=0))))
+        for a, b in (halves, halves[::-1])
+        for middle in (np.median(b, axis=0),)
+    )
 
 
 def _course(points: NDArray[np.float64]) -> Course:
@@ -128,4 +143,4 @@ def _has_no_length(angles: NDArray[np.float64], heights: NDArray[np.float64]) ->
     """Whether the graph of heights over angles becomes longer with its points, to the end."""
     n = len(angles)
     lengths = [float(np.abs(np.diff(heights[-m:][np.argsort(angles[-m:])])).sum()) for m in (n // 16, n // 4, n)]
-    return lengths[2] >= _LONGER * lengths[0] > 0.0 and lengths[2] >= _STILL * lengths[1]
+    return lengths[2] >= _LONGER * lengths[0] > 0.0 and lengths[2] >= STILL * lengths[1]
