@@ -32,7 +32,7 @@ CLOCKS = {"seconds", "elapsed", "created"}  # what the clock tells
 # dimensions that changed: steps have other lengths where an eigenvalue touches 0, as that of a pitchfork's branch does
 OTHER_POINTS = {"diagram.nc": {"branch1_point"}}
 # what was computed wrongly: harmonics where an angle turns far within a step, as of a state that rests
-WRONG = {name: ("harmonic_re", "harmonic_im") for name in ("branch.nc", "cascade.nc", "family.nc", "locus.nc")}
+WRONG = dict.fromkeys(("branch.nc", "cascade.nc", "family.nc", "locus.nc"), ("harmonic_re", "harmonic_im"))
 # what a special point has of the steps around it
 OF_STEPS = {f"branch1_special_{name}" for name in ("arclength", "position", "tangent", "test")}
 
