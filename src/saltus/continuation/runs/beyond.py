@@ -11,8 +11,8 @@ import numpy as np
 
 from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import Monitor, at_grazing
-from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
-from saltus.continuation.problems.beside import seen_beside
+from saltus.continuation.core.zero_problem import Event, Examined, Point, correct, start_point
+from saltus.continuation.problems.beside import looks_beside
 from saltus.continuation.problems.changes import passes_smoothly
 from saltus.continuation.problems.ends.unbounded import period_of
 from saltus.continuation.problems.grazing import Neighbour, exchanged_at
@@ -24,7 +24,7 @@ from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import DURATION, ON_BORDER, Signature, Survey
-from saltus.scales import EXTREMES_BEYOND, NO_DURATION, PARTING, RESTS_BEYOND, SAME_POINT
+from saltus.scales import EXTREMES_BEYOND, NEARER, NO_DURATION, PARTING, RESTS_BEYOND, SAME_POINT
 from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
@@ -102,6 +102,8 @@ def switched(found: Neighbour, problem: OrbitProblem, old: Point, equations: Equ
     except ValueError as error:
         return f"no branch goes on: {error}"
     point.arc = old.arc
+    if float(point.weights @ (point.u - found.u) ** 2) > SAME_POINT**2:
+        return "no orbit beyond it is its own there"
     item = next(filter(None, (_first_beyond(branch, point, old, probe) for probe in (1e-5, 1e-6, 1e-4))), None)
     if item is None:
         return "no admissible orbit beyond it"
@@ -245,23 +247,65 @@ def seen_beyond(
     onward = math.copysign(1.0, float(old.tangent[-1]))
     for probe in _PROBES:
         for sign in (onward * way for way in ways):
-            beside = seen_beside(branch.problem, old.u, sign * probe * wide, rounds)
-            if beside is None or beside.signature == branch.problem.signature.whole:
-                continue
-            fresh = equations(beside.signature, beside.u)
-            try:
-                point = start_point(fresh, beside.u, sign)
-            except ValueError:
-                continue
-            point.examined = fresh.examine(point, None)
-            if point.examined.data is None:
-                continue
-            count = len(fresh.problem.system.states)
-            apart = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
-            if np.max(apart) < EXTREMES_BEYOND and _beyond_changes(fresh.problem, point):
-                point.arc = old.arc + probe
-                return fresh, point
+            for beside in looks_beside(branch.problem, old.u, sign * probe * wide, rounds):
+                if beside.signature == branch.problem.signature.whole:
+                    continue
+                fresh = equations(beside.signature, beside.u)
+                if (point := _admitted(fresh, beside, old, sign)) is not None:
+                    point.arc = old.arc + probe
+                    return fresh, point
     return None
+
+
+def _admitted(fresh: OrbitZeroProblem, beside: Neighbour, old: Point, sign: float) -> Point | None:
+    """Return the point of an orbit beyond a change of signature, if it is admissible and next to the change's orbit.
+
+    Parameters
+    ----------
+    fresh : OrbitZeroProblem
+        Equations of its signature.
+    beside : Neighbour
+        The orbit.
+    old : Point
+        The point at which the signature changes.
+    sign : float
+        Which way the parameter goes along the tangent.
+    """
+    try:
+        point = start_point(fresh, beside.u, sign)
+    except ValueError:
+        return None
+    point.examined = fresh.examine(point, None)
+    if point.examined.data is None:
+        return None
+    if not _apart(fresh, point, old) < EXTREMES_BEYOND or not _beyond_changes(fresh.problem, point):
+        return None
+    return point if _comes_near(fresh, point, old) else None
+
+
+def _comes_near(fresh: OrbitZeroProblem, point: Point, old: Point) -> bool:
+    """Return whether an orbit beyond a change becomes that of the change as the parameter goes there.
+
+    At a quarter of the way, the distance is a half where it grows like a root, and the same where there is a jump.
+    """
+    apart = _apart(fresh, point, old)
+    if apart <= SAME_POINT:
+        return True
+    u, along = point.u.copy(), np.zeros(point.u.size)
+    u[-1] = old.parameter + 0.25 * (point.parameter - old.parameter)
+    along[-1] = 1.0
+    closer = correct(fresh, u, along, point.weights, 7)
+    if isinstance(closer, str):
+        return False
+    closer.examined = fresh.examine(closer, None)
+    return closer.examined.data is not None and _apart(fresh, closer, old) < NEARER * apart
+
+
+def _apart(fresh: OrbitZeroProblem, point: Point, old: Point) -> float:
+    """Return how far the extremes of an orbit beyond a change are from those at the change, over the states' sizes."""
+    count = len(fresh.problem.system.states)
+    away = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
+    return float(np.max(away))
 
 
 def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
