@@ -32,6 +32,7 @@ from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs import beyond
+from saltus.continuation.runs.closed_points import points_when_closed
 from saltus.continuation.runs.copies import copied
 from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.on_faces import within_faces
@@ -237,7 +238,7 @@ class OrbitRun(OneParameterRun):
         if met is None:
             return False
         arc = last.arc + math.sqrt(float(last.weights @ (met.u - last.u) ** 2))
-        half.specials = [found for found in half.specials if found.after < len(half.points) or found.arc < arc]
+        half.specials = points_when_closed(half, piece, arc)
         half.points.append(half.start)
         return True
 
