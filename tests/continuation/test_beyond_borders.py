@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import math
 from functools import cache
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import saltus
 from selection import guarding
@@ -167,3 +169,52 @@ def test_no_branch_jumps_where_three_bodies_meet_and_the_order_of_impacts_counts
     assert "no neighbouring signature is continuous" in branch.stopped[1]
     steps = np.hypot(np.diff(branch.values), np.diff(branch.highs[:, 2]))
     assert steps.max() < 0.5
+
+
+def _pair(unit: float, loss: float) -> saltus.HybridSystem:
+    """Return a mass that is shaken between two walls, lengths in a unit."""
+    return saltus.HybridSystem(
+        ("x", "v"), {"A": unit, "e": loss, "d": unit, "w": 1.0}, {"free": saltus.Mode({"x": "v", "v": "A*cos(th)"})},
+        [
+            saltus.Transition("free", "free", "x - d", 1, {"v": "-e*v"}, name="right"),
+            saltus.Transition("free", "free", "x + d", -1, {"v": "-e*v"}, name="left"),
+        ],
+        phase=("th", "w"),
+    )  # fmt: skip
+
+
+def _symmetric(pair: saltus.HybridSystem, unit: float, loss: float) -> saltus.PeriodicOrbit:
+    """Return its orbit with an impact on each wall in a period, each with the same speed."""
+    # every impact has the speed u, half a period apart: 2 sin(p) = (1 - e)*u, and 2 + 2 cos(p) = pi*(1 + e)*u/2
+    u = brentq(
+        lambda u: 2.0 + 2.0 * math.sqrt(1.0 - (0.5 * (1.0 - loss) * u) ** 2) - 0.5 * math.pi * (1.0 + loss) * u, 0, 3
+    )
+    p = math.asin(0.5 * (1.0 - loss) * u)
+    return saltus.solve_orbit(
+        pair, {},
+        [("free", "left", [unit, -loss * u * unit, p], math.pi),
+         ("free", "right", [-unit, loss * u * unit, p + math.pi], math.pi)],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", guarding((1.0, 1e-9, 1e9), 1.0))
+@pytest.mark.parametrize("loss", guarding((0.7, 0.5), 0.7))
+def test_a_branch_does_not_follow_a_motion_that_only_touches_a_wall(unit, loss):
+    """Below A = 1 each x = b - A cos t with |b| <= 1 - A is a motion without impacts: none is a branch's own."""
+    start = _symmetric(_pair(unit, loss), unit, loss)
+    branch = saltus.continue_orbit(start, "A", (0.05 * unit, 1.1 * unit), directions="down")
+    last = branch.special_points[-1]
+    assert last.type == "GR"
+    assert last.value("A") == pytest.approx(unit, rel=1e-6)
+    assert "touches the surface without speed" in branch.stopped[1]
+    assert all(len(form) == 2 for form in branch.forms)
+    assert branch.audit.passed
+
+
+def test_special_points_of_mirror_images_are_none_of_them_twice():
+    branch = saltus.continue_orbit(_symmetric(_pair(1.0, 0.7), 1.0, 0.7), "A", (0.5, 20.0))
+    doubled = [point for point in branch.special_points if point.type == "PD" and point.value("A") < 1.0]
+    assert len(doubled) == 2
+    assert doubled[0].value("A") == pytest.approx(doubled[1].value("A"), abs=1e-10)
+    assert doubled[0].solution.x0[1] == pytest.approx(-doubled[1].solution.x0[1], abs=1e-8)
+    assert branch.audit.passed

@@ -1,4 +1,4 @@
-"""The special points of a branch of orbits that has come back to its start, each once."""
+"""What a branch of orbits has met before: special points of the start of a closed one, and changes of signature."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ from saltus.continuation.problems.ends.closure import alongside
 from saltus.scales import SAME_POINT
 
 if TYPE_CHECKING:
+    from saltus.continuation.core.zero_problem import Point
     from saltus.continuation.problems.orbit import OrbitZeroProblem
     from saltus.continuation.runs.two_sided import Found, OneSide
+    from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["points_when_closed"]
+    Beyond = tuple[OrbitZeroProblem, Point]
+
+__all__ = ["points_when_closed", "unless_followed"]
 
 
 def points_when_closed(half: OneSide, branch: OrbitZeroProblem, arc: float) -> list[Found]:
@@ -33,13 +37,39 @@ def points_when_closed(half: OneSide, branch: OrbitZeroProblem, arc: float) -> l
     count = len(half.points)
     kept = [found for found in half.specials if found.after < count or found.arc < arc]
     first = [found for found in kept if found.after == 0]
-    return [found for found in kept if found.after < count or not any(_same(branch, found, other) for other in first)]
+    problem = branch.problem
+    return [found for found in kept if found.after < count or not any(_same(problem, found, other) for other in first)]
 
 
-def _same(branch: OrbitZeroProblem, found: Found, other: Found) -> bool:
-    """Return whether two special points of a branch are one, within the error of both."""
-    u, known = found.solution.unknowns, other.solution.unknowns
-    if found is other or found.name != other.name or u.shape != known.shape or u.size != branch.problem.size:
+def unless_followed(half: OneSide, went: Beyond | str) -> Beyond | str:
+    """Return what a branch goes on with behind its last special point, a change of signature, or why it ends there.
+
+    An orbit that the branch had before, and that goes on in a signature that was followed from it, closes a loop: the
+    start need not lie on it, as several branches of symmetric orbits meet.
+    """
+    if isinstance(went, str):
+        return went
+    *before, own = half.specials
+    form = went[0].problem.signature.whole
+    for old in before:
+        pieces = [half.points[i][0].problem for i in (old.after - 1, old.after, old.after + 1) if i < len(half.points)]
+        fitting = next((problem for problem in pieces if problem.size == own.solution.unknowns.size), None)
+        followed = any(problem.signature.whole == form for problem in pieces)
+        if followed and fitting is not None and _same(fitting, own, old):
+            return "from which on the branch is followed already"
+    return went
+
+
+def _same(problem: OrbitProblem, found: Found, other: Found) -> bool:
+    """Return whether two special points of a branch are one, within the error of both.
+
+    problem: equations with as many unknowns.
+    """
+    one, two = found.solution, other.solution
+    if found is other or found.name != other.name or one.form != two.form or one.unknowns.size != problem.size:
         return False
-    apart = np.abs(alongside(branch.problem, known, u) - u) / branch.scale()[:-1]
-    return bool(np.max(apart) < max(SAME_POINT, branch.problem.tol))
+    scale = np.tile(np.append(problem.state_scale, one.period), problem.segments)
+    apart = np.abs(alongside(problem, two.unknowns, one.unknowns) - one.unknowns) / scale
+    size = max(abs(value) for value in one.parameters.values())
+    moved = max(abs(one.parameters[name] - two.parameters[name]) for name in one.parameters)
+    return bool(max(np.max(apart), moved / size) < max(SAME_POINT, problem.tol))
