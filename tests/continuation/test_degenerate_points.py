@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from saltus import (
     filippov,
     find_equilibrium,
     load,
+    solve_orbit,
     switch_branch,
 )
 from selection import guarding
@@ -138,3 +141,19 @@ def test_sliding_at_two_folds_that_meet_has_no_branch_point(k, unit):
             assert np.abs(borders - place).min() < 1e-6
     assert ("SN" in {point.type for point in branch.special_points}) == (fold > 0.5)
     assert np.abs(branch.values / unit).min() < 1e-6
+
+
+@pytest.mark.parametrize("tolerance", guarding((1e-12, 1e-10, 1e-8, 1e-6, 1e-5), 1e-10))
+@pytest.mark.parametrize(("offset", "directions"), guarding(
+    [(0.01, "both"), (0.3, "up"), (-0.2, "both"), (-0.2, "down")], (0.01, "both"), (-0.2, "both")))  # fmt: skip
+def test_a_closed_branch_that_starts_at_a_fold_has_it_once(tolerance, offset, directions):
+    """At I = A = w = 1 the motion p = t + pi/2 is exact, its multiplier exp(-int cos p dt) = 1."""
+    junction = HybridSystem.smooth(
+        {"p": "I - sin(p) + A*cos(th)"}, {"I": 1.0, "A": 1.0, "w": 1.0}, phase=("th", "w"), angles=("p",)
+    )
+    start = solve_orbit(junction, {}, x0=[math.pi / 2 + offset], tolerance=tolerance)
+    branch = continue_orbit(start, "I", (0.0, 3.0), directions=directions)
+    assert branch.stopped == ("the branch is closed",) * 2
+    folds = sorted(point.value("I") for point in branch.special_points)
+    assert folds == [pytest.approx(1.0, abs=1e-9), pytest.approx(1.6537152, abs=1e-5)]
+    assert branch.special_points.of_type("SN") == list(branch.special_points)

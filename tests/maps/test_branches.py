@@ -10,6 +10,7 @@ import pytest
 import saltus
 from known_maps import cusp, delayed, henon, logistic, tent
 from saltus import HybridSystem, InputError, Map, Mode, Piece, StepControl, Transition
+from selection import guarding
 
 
 def branch_of(system, parameter, bounds, x0, parameters=None, period=1, **options):
@@ -95,6 +96,45 @@ def test_a_branch_ends_where_the_map_jumps():
     )  # fmt: skip
     branch = branch_of(jump, "mu", (-1.0, 1.0), [-0.4], directions="up")
     assert branch.stopped[1] == "mu = 0: border collision, the map jumps there"
+
+
+def pieces_of(tl, dl, tr, dr, unit=1.0):
+    """Return the normal form of a border collision in the plane, its states in a unit."""
+    return Map(
+        ("x", "y"), {"tl": tl, "dl": dl, "tr": tr, "dr": dr, "mu": unit},
+        pieces={
+            "L": Piece({"x": "tl*x + y + mu", "y": "-dl*x"}, "-x"),
+            "R": Piece({"x": "tr*x + y + mu", "y": "-dr*x"}, "x"),
+        },
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("itinerary", "slopes"), [
+    ("LR", (0.5, 0.3, -2.0, 0.3)), ("LR", (0.4, -0.2, -1.7, 0.1)), ("RL", (0.5, 0.3, -2.0, 0.3)),
+    ("LR", (0.1, 0.6, -2.5, 0.6)),
+])  # fmt: skip
+@pytest.mark.parametrize("unit", guarding((1.0, 1e-9, 1e9), 1.0))
+def test_a_cycle_that_shrinks_on_a_border_ends_there(itinerary, slopes, unit):
+    system = pieces_of(*slopes, unit)
+    tl, dl, tr, dr = slopes
+    A = {"L": np.array([[tl, 1.0], [-dl, 0.0]]), "R": np.array([[tr, 1.0], [-dr, 0.0]])}
+    product, offset = np.eye(2), np.zeros(2)
+    for piece in itinerary:
+        product, offset = A[piece] @ product, A[piece] @ offset + [1.0, 0.0]
+    x = [np.linalg.solve(np.eye(2) - product, offset)]
+    for piece in itinerary[:-1]:
+        x.append(A[piece] @ x[-1] + [1.0, 0.0])
+    assert all((point[0] > 0.0) == (piece == "R") for point, piece in zip(x, itinerary, strict=True))
+    start = saltus.solve_orbit(system, segments=tuple(itinerary))
+    branch = saltus.continue_orbit(start, "mu", (-unit, 2.0 * unit))
+    (border,) = branch.special_points
+    assert (border.type, border.kind) == ("BC", "")
+    assert border.value("mu") == pytest.approx(0.0, abs=1e-10 * unit)
+    assert branch.stopped[0].endswith("border collision, the orbit shrinks to one of period 1")
+    assert branch.audit.passed
+    for mu in (0.5, 1.5):
+        (orbit,) = branch.at(mu * unit)
+        np.testing.assert_allclose(orbit.points, mu * unit * np.array(x), atol=1e-9 * unit)
 
 
 def test_a_branch_ends_where_a_linear_flip_makes_all_orbits_meet_one_value():

@@ -39,6 +39,10 @@ EXTREMES_ALIKE = 1e-6
 # Difference of extremes, over the states' sizes, up to which orbits on both sides of a point may be neighbours.
 EXTREMES_BEYOND = 0.05
 
+# Share of an orbit's distance from a point, at a quarter of the parameter's way to it, below which it comes there: a
+# half where orbits grow like a root, 0.63 like a cubic one, 1 where they jump.
+NEARER = 0.75
+
 # The same of an arc and the last cycle before it, in sizes of the cycle.
 EXTREMES_OF_ARC = 0.2
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,12 +15,35 @@ from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.settling import cycle_of
+from saltus.orbits.signature import Signature
 from saltus.orbits.solve import solve_unknowns
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["seen_beside"]
+__all__ = ["looks_beside", "seen_beside"]
+
+
+def looks_beside(problem: OrbitProblem, u: NDArray[np.float64], step: float, rounds: int = 1) -> Iterator[Neighbour]:
+    """Yield orbits at a parameter next to that of the orbit `u`, until a signature comes again.
+
+    Each is what a motion shows that starts at the one before, solved for with its signature. The first motion starts
+    at `u`, whose distance from an orbit of the new parameter is as long as the step: it may show the old signature.
+    An orbit of a wrong signature lies next to the right one, whose motion a second look shows.
+
+    Parameters
+    ----------
+    problem, u, step, rounds
+        See `seen_beside`.
+    """
+    met: set[Signature] = set()
+    while (beside := seen_beside(problem, u, step, rounds)) is not None and beside.signature not in met:
+        met.add(beside.signature)
+        yield beside
+        p, active, scales = problem.parameters_at(u), problem.active, problem.scales
+        u, step = beside.u, 0.0
+        problem = OrbitProblem(problem.system, beside.signature, p, active, scales, problem.tol)
+        problem.start(u)
 
 
 def seen_beside(problem: OrbitProblem, u: NDArray[np.float64], step: float, rounds: int = 1) -> Neighbour | None:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.problems.boundary import FOLDS, PERSISTS, Crossing, slope_of
-from saltus.scales import FIELDS_MEET, MET
+from saltus.scales import BORDERS_ALIKE, FIELDS_MEET, MET
+from saltus.system.angles import wrapped
 from saltus.system.tiling import piece_at
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from saltus.maps.problem import MapOrbitProblem
 
-__all__ = ["beyond_border"]
+__all__ = ["beyond_border", "shrinks_to"]
 
 _NEAR = 1e-6  # distance beyond a border, in the states' sizes, at which the neighbouring piece is looked for
 
@@ -62,8 +63,28 @@ def beyond_border(
         return Crossing("", beside, None, -inwards, "the map jumps there")
     # each branch's parameter, where its point moves to the side of its own piece
     sides = [slope_of(own[:, :n], own, inwards), slope_of(J[:, :n], J, -inwards)]
-    kind = "" if 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
+    meets_itself = shrinks_to(problem, beside.itinerary, u, sizes) is not None
+    kind = "" if meets_itself or 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
     return Crossing(kind, beside, u.copy(), -inwards)
+
+
+def shrinks_to(
+    problem: MapOrbitProblem, beyond: tuple[int, ...], u: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> int | None:
+    """Return the period of the shorter orbit to which one shrinks on a border; None where it does not.
+
+    The itinerary beyond is then its own, begun at another point that lies where the first one does. The equations of
+    both are the same, and so are their orbits: none lies beyond.
+    """
+    points, own, places = problem.points(u), problem.itinerary, problem.system.angle_places
+    turns = [
+        k
+        for k in range(1, problem.period)
+        if np.all(
+            np.abs(wrapped(np.roll(points, -k, axis=0) - points, places)) <= BORDERS_ALIKE * sizes[: problem.states]
+        )
+    ]
+    return turns[0] if any(own[k:] + own[:k] == beyond for k in turns) else None
 
 
 def _piece_beyond(

@@ -14,7 +14,7 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.problems.ends.excursions import behind, gone, moved, turns_back, way_back
 from saltus.continuation.problems.margins import passing, run_out
-from saltus.continuation.problems.rows import Found, closed, gathered, joined
+from saltus.continuation.problems.rows import Found, Rows, closed, closes_round, gathered, joined
 from saltus.orbits.coincidences import Order, exchanged
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
@@ -31,6 +31,9 @@ __all__ = ["Neighbour", "exchanged_at", "neighbour", "sides_met", "touching", "t
 
 # Why there is no neighbouring signature where the mode of a segment is entered and left at once.
 _TURNED = "the event met without velocity changes the mode, but the motion turns back at once"
+
+# Why there is none where a segment's end has no length, and the motion moves on by what its events do.
+_JUMPS = "the events that happen at once move the state: no neighbouring signature is continuous"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,8 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
     signature, rows = found
     fresh = OrbitProblem(problem.system, signature, problem.parameters_at(u), tol=problem.tol)
     signature, turned = settle_signature(fresh, rows.ravel())
+    if not closes_round(problem, fresh, signature, turned):
+        return _JUMPS
     beside = Neighbour(signature, np.append(turned, u[problem.size :]))
     return _alike(problem, fresh, monitor, beside)
 
@@ -357,9 +362,6 @@ def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Found |
     return gathered(rows, old.turns)
 
 
-_Rows = list[tuple[int, int, "NDArray[np.float64]"]]
-
-
 def _reroute(
     problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], monitor: Monitor
 ) -> Found | str:
@@ -368,7 +370,7 @@ def _reroute(
     Where both halves of a symmetric orbit change, they change at once.
     """
     old = problem.signature
-    rows: _Rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(len(old))]
+    rows: Rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(len(old))]
     alike = [name for name in run_out(problem, u, problem.survey(u)) if name.kind == monitor.kind]
     for name in sorted({monitor, *alike}, key=lambda name: -name.segment):
         found = _rerouted(problem, blocks, name.segment, name.transition)
@@ -378,7 +380,7 @@ def _reroute(
     return gathered(rows, old.turns)
 
 
-def _rerouted(problem: OrbitProblem, blocks: NDArray[np.float64], i: int, instead: int) -> _Rows | str:
+def _rerouted(problem: OrbitProblem, blocks: NDArray[np.float64], i: int, instead: int) -> Rows | str:
     """Return segment `i` with another transition at its end: `instead`, or any other where that is -1.
 
     Where this leads to another mode, a segment without length follows, from which the motion goes on as before.

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
+from saltus.scales import CONDITIONS_ALIKE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.orbits.problem import OrbitProblem
-
-__all__ = ["Found", "closed", "gathered", "joined"]
+__all__ = ["Found", "Rows", "closed", "closes_round", "gathered", "joined"]
 
 # a signature, and the segments' states and durations, shape (segments, n + 1)
 Found = tuple[Signature, "NDArray[np.float64]"]
+# mode, transition, and state with duration of each segment
+Rows = list[tuple[int, int, "NDArray[np.float64]"]]
 
 
 def closed(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> Found:
@@ -30,7 +33,7 @@ def closed(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
     return signature, row[None, :]
 
 
-def gathered(rows: list[tuple[int, int, NDArray[np.float64]]], turns: int) -> Found:
+def gathered(rows: Rows, turns: int) -> Found:
     """Return segments that end with events, each with its mode, its transition, its state and its duration."""
     modes, transitions, blocks = zip(*rows, strict=True)
     kinds = (EVENT_END,) * len(rows)
@@ -48,3 +51,26 @@ def joined(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
     rows[i] = (old.modes[i], old.transitions[following], whole)
     del rows[following]
     return gathered(rows, old.turns)
+
+
+def closes_round(problem: OrbitProblem, fresh: OrbitProblem, signature: Signature, u: NDArray[np.float64]) -> bool:
+    """Return whether unknowns are those of an orbit in a signature: each state leads to the next one.
+
+    A duration at a grazing is as exact as the root of the located point's error.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        Equations of the signature that ends, whose sizes hold.
+    fresh : OrbitProblem
+        Equations of the neighbour, with which its signature was settled.
+    signature : Signature
+        The neighbour's.
+    u : ndarray, shape (size,)
+        The unknowns.
+    """
+    beside = OrbitProblem(fresh.system, signature, fresh.p, tol=fresh.tol)
+    beside.start(u)
+    count = len(fresh.system.states)
+    gaps = beside.evaluate(u)[0].reshape(beside.segments, -1)[:, :count] / problem.state_scale[:count]
+    return bool(np.max(np.abs(gaps)) < math.sqrt(CONDITIONS_ALIKE))

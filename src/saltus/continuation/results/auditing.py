@@ -206,12 +206,28 @@ def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
             longer, shorter = (getattr(one.solution, "period", 0.0) for one in (point, other))
             # next to a homoclinic orbit cycles differ by their periods alone
             near = near and same(longer, shorter, LOCATED * abs(longer))
-            if near and zero(point.arclength - other.arclength, LOCATED) is Verdict.NO:
+            if (
+                near
+                and _alongside(seen, point.position, other.position)
+                and zero(point.arclength - other.arclength, LOCATED) is Verdict.NO
+            ):
                 found.append((point.position, f"{point.label} is {other.label} once more"))
     # a parameter that never turns comes to no value twice
     if seen.values.shape[1] == 1 and seen.turns(0) and (place := _covered(seen)) is not None:
         found.append((float(place), f"from {_told(seen, place)} on, solutions are there a second time"))
     return found, len(points)
+
+
+def _alongside(seen: _Seen, place: float, other: float) -> bool:
+    """Return whether two places of a curve may have one solution, by what the points next to them have.
+
+    Mirror images have the same extremes, and means of their own.
+    """
+    last = len(seen.values) - 1
+    rows = [np.clip([int(at), int(at) + 1], 0, last) for at in (place, other)]
+    lows, highs = (np.array([reach(seen.quantities[pair], axis=0) for pair in rows]) for reach in (np.min, np.max))
+    room = np.max(highs - lows, axis=0) + LOCATED
+    return bool(np.all(lows.max(axis=0) - highs.min(axis=0) <= room))
 
 
 def _covered(seen: _Seen) -> int | None:

@@ -114,8 +114,11 @@ class AlgebraicRun(OneParameterRun):
         """Return whether a branch has come back to a border at which it was before, on the same side of it."""
         return False
 
-    def leaves(self, branch: Any, point: Point) -> str | None:
-        """Return why the solutions next to a border do not belong to the equations behind it; None where they do."""
+    def leaves(self, before: Any, branch: Any, point: Point) -> str | None:
+        """Return why the solutions next to a border do not belong to the equations behind it; None where they do.
+
+        before, branch: equations that end at the border, and those behind it.
+        """
         return None
 
     def ended(self, branch: Any, point: Point, kind: str) -> str | None:
@@ -330,7 +333,7 @@ class AlgebraicRun(OneParameterRun):
         point = turned(point, crossing.sign(point), self.odd)
         point.arc = old.arc
         found = beside.examine(point, None)
-        if (beyond := self.leaves(beside, point)) is not None:
+        if (beyond := self.leaves(branch, beside, point)) is not None:
             return f"{self.place(old)}: {self.at_border}, {beyond}"
         # on a surface the sign of its event function is rounding: the point counts as on the regular side
         monitors = {

@@ -11,9 +11,9 @@ import numpy as np
 
 from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import Monitor, at_grazing
-from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
-from saltus.continuation.problems.beside import seen_beside
-from saltus.continuation.problems.changes import passes_smoothly
+from saltus.continuation.core.zero_problem import Event, Examined, Point, correct, start_point
+from saltus.continuation.problems.beside import looks_beside
+from saltus.continuation.problems.changes import passes_smoothly, speed_at
 from saltus.continuation.problems.ends.unbounded import period_of
 from saltus.continuation.problems.grazing import Neighbour, exchanged_at
 from saltus.continuation.problems.orbit import OrbitZeroProblem
@@ -25,7 +25,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import DURATION, ON_BORDER, Signature, Survey
 from saltus.orbits.stability.families import of_a_family
-from saltus.scales import EXTREMES_BEYOND, NO_DURATION, PARTING, RESTS_BEYOND, SAME_POINT
+from saltus.scales import EXTREMES_BEYOND, NEARER, NO_DURATION, PARTING, RESTS_BEYOND, SAME_POINT, followed
 from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
@@ -50,6 +50,8 @@ Equations: TypeAlias = "Callable[..., OrbitZeroProblem]"
 _PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _CLOSER = (1e-6, 1e-7, 1e-8)  # arclengths from a change of signature, of which one keeps the stability
 _LAST = 8  # points of a branch that tell which way its parameter goes
+# Why no branch goes on where all orbits of the equations graze.
+_TOUCHES = "the motion beyond it touches the surface without speed, so that the event makes no orbit of its own"
 # Survey of a point from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _NONE = np.empty(0)
 _INADMISSIBLE = Survey(1, False, *(_NONE,) * 8, np.empty(0, dtype=np.int64), _NONE, np.empty((0, 3)))
@@ -103,14 +105,19 @@ def switched(found: Neighbour, problem: OrbitProblem, old: Point, equations: Equ
     except ValueError as error:
         return f"no branch goes on: {_why_none(problem, branch.problem, found) or error}"
     point.arc = old.arc
-    item = next(filter(None, (_first_beyond(branch, point, old, probe) for probe in (1e-5, 1e-6, 1e-4))), None)
+    if float(point.weights @ (point.u - found.u) ** 2) > SAME_POINT**2:
+        return "no orbit beyond it is its own there"
+    touching: list[Point] = []
+    item = next(
+        filter(None, (_first_beyond(branch, point, old, probe, touching) for probe in (1e-5, 1e-6, 1e-4))), None
+    )
     if item is None:
-        return "no admissible orbit beyond it"
+        return _TOUCHES if touching else "no admissible orbit beyond it"
     known = _unstable_at(branch, point, old)
     for probe in _CLOSER if known is not None else ():
         if item.examined.data.unstable == known:
             break
-        item = _first_beyond(branch, point, old, probe) or item
+        item = _first_beyond(branch, point, old, probe, touching) or item
     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
     return branch, item
 
@@ -190,7 +197,9 @@ def _sizes_of_the_born(problem: OrbitProblem, found: Neighbour) -> NDArray[np.fl
     return np.where(shown, 0.0, problem.state_scale[: shown.size])
 
 
-def _first_beyond(branch: OrbitZeroProblem, point: Point, old: Point, probe: float) -> Point | None:
+def _first_beyond(
+    branch: OrbitZeroProblem, point: Point, old: Point, probe: float, touching: list[Point]
+) -> Point | None:
     """Return the first point of a branch behind a change of signature, an arclength of `probe` away; None without one.
 
     Parameters
@@ -203,6 +212,8 @@ def _first_beyond(branch: OrbitZeroProblem, point: Point, old: Point, probe: flo
         The change in the equations that end there.
     probe : float
         The arclength.
+    touching : list of Point
+        Points beyond are appended whose orbits meet an event without speed.
     """
     onward = math.copysign(1.0, float(old.tangent[-1]))
     for sign in (onward, -onward):
@@ -215,6 +226,8 @@ def _first_beyond(branch: OrbitZeroProblem, point: Point, old: Point, probe: flo
             continue
         if _beyond_changes(branch.problem, item):
             return item
+        if item.examined.data.survey.admissible and _grazes_on(branch.problem, item):
+            touching.append(item)
     return None
 
 
@@ -259,23 +272,65 @@ def seen_beyond(
     onward = math.copysign(1.0, float(old.tangent[-1]))
     for probe in _PROBES:
         for sign in (onward * way for way in ways):
-            beside = seen_beside(branch.problem, old.u, sign * probe * wide, rounds)
-            if beside is None or beside.signature == branch.problem.signature.whole:
-                continue
-            fresh = equations(beside.signature, beside.u)
-            try:
-                point = start_point(fresh, beside.u, sign)
-            except ValueError:
-                continue
-            point.examined = fresh.examine(point, None)
-            if point.examined.data is None:
-                continue
-            count = len(fresh.problem.system.states)
-            apart = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
-            if np.max(apart) < EXTREMES_BEYOND and _beyond_changes(fresh.problem, point):
-                point.arc = old.arc + probe
-                return fresh, point
+            for beside in looks_beside(branch.problem, old.u, sign * probe * wide, rounds):
+                if beside.signature == branch.problem.signature.whole:
+                    continue
+                fresh = equations(beside.signature, beside.u)
+                if (point := _admitted(fresh, beside, old, sign)) is not None:
+                    point.arc = old.arc + probe
+                    return fresh, point
     return None
+
+
+def _admitted(fresh: OrbitZeroProblem, beside: Neighbour, old: Point, sign: float) -> Point | None:
+    """Return the point of an orbit beyond a change of signature, if it is admissible and next to the change's orbit.
+
+    Parameters
+    ----------
+    fresh : OrbitZeroProblem
+        Equations of its signature.
+    beside : Neighbour
+        The orbit.
+    old : Point
+        The point at which the signature changes.
+    sign : float
+        Which way the parameter goes along the tangent.
+    """
+    try:
+        point = start_point(fresh, beside.u, sign)
+    except ValueError:
+        return None
+    point.examined = fresh.examine(point, None)
+    if point.examined.data is None:
+        return None
+    if not _apart(fresh, point, old) < EXTREMES_BEYOND or not _beyond_changes(fresh.problem, point):
+        return None
+    return point if _comes_near(fresh, point, old) else None
+
+
+def _comes_near(fresh: OrbitZeroProblem, point: Point, old: Point) -> bool:
+    """Return whether an orbit beyond a change becomes that of the change as the parameter goes there.
+
+    At a quarter of the way, the distance is a half where it grows like a root, and the same where there is a jump.
+    """
+    apart = _apart(fresh, point, old)
+    if apart <= SAME_POINT:
+        return True
+    u, along = point.u.copy(), np.zeros(point.u.size)
+    u[-1] = old.parameter + 0.25 * (point.parameter - old.parameter)
+    along[-1] = 1.0
+    closer = correct(fresh, u, along, point.weights, 7)
+    if isinstance(closer, str):
+        return False
+    closer.examined = fresh.examine(closer, None)
+    return closer.examined.data is not None and _apart(fresh, closer, old) < NEARER * apart
+
+
+def _apart(fresh: OrbitZeroProblem, point: Point, old: Point) -> float:
+    """Return how far the extremes of an orbit beyond a change are from those at the change, over the states' sizes."""
+    count = len(fresh.problem.system.states)
+    away = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
+    return float(np.max(away))
 
 
 def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
@@ -343,7 +398,21 @@ def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
         # an event in both directions has no admissible side
         event = {"side": name.transition, "rate": ends[name.segment]}.get(name.kind)
         grazings.append(value if event is None or transitions[event].direction else abs(value))
-    return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
+    admissible = point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
+    return admissible and not _grazes_on(problem, point)
+
+
+def _grazes_on(problem: OrbitProblem, point: Point) -> bool:
+    """Return whether an orbit beyond a change meets an event without speed, within the error of its flow.
+
+    Its equations then follow a motion that touches a surface all along, which no impact makes an orbit of its own.
+    """
+    period = float(np.abs(point.u[problem.n : problem.size : problem.n + 1]).sum())
+    ends = [name.segment for name in point.examined.monitors if name.kind == "rate"]
+    return any(
+        speed_at(problem, problem.signature.transitions[i], problem.state_on(i, 1.0), period) <= followed(problem.tol)
+        for i in ends
+    )
 
 
 def without_rounding(examined: Examined) -> Examined:

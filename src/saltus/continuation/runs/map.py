@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.problems.border import beyond_border
+from saltus.continuation.problems.border import beyond_border, shrinks_to
 from saltus.continuation.problems.map import MapZeroProblem
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
@@ -67,15 +67,19 @@ class MapRun(AlgebraicRun):
                     return True
         return False
 
-    def leaves(self, branch: MapZeroProblem, point: Point) -> str | None:
-        """See `AlgebraicRun.leaves`: of several points on borders, each must move into its new piece."""
+    def leaves(self, before: MapZeroProblem, branch: MapZeroProblem, point: Point) -> str | None:
+        """See `AlgebraicRun.leaves`: of several points on borders, each must move into its new piece.
+
+        Where the orbits behind are those before it, begun at another point, the branch has come to an end.
+        """
         problem = branch.problem
         for i, guard, height in problem.heights(point.u):
             gradient = problem.border(i, guard, point.u)[1]
             terms = np.abs(gradient[: problem.n]) @ branch.sizes
             if abs(height) <= MET * terms and float(gradient @ point.tangent) < -MET * terms:
                 return "several points meet borders at once, and move to different sides of them"
-        return None
+        period = shrinks_to(before.problem, problem.itinerary, point.u, branch.sizes)
+        return None if period is None else f"the orbit shrinks to one of period {period}"
 
     def starts(self, branch: MapZeroProblem, origin: Point) -> list[Point]:
         """See `AlgebraicRun.starts`: gone round a circle, another of an orbit's points may be the first one."""

@@ -35,6 +35,7 @@ from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs import beyond
+from saltus.continuation.runs.closed_points import points_when_closed, unless_followed
 from saltus.continuation.runs.copies import copied
 from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.on_faces import within_faces
@@ -240,6 +241,7 @@ class OrbitRun(OneParameterRun):
         if met is None:
             return False
         half.end_at(met.arc)
+        half.specials = points_when_closed(half, piece)
         half.points.append(half.start)
         return True
 
@@ -355,7 +357,7 @@ class OrbitRun(OneParameterRun):
         went = found if isinstance(found, str) else beyond.switched(found, branch.problem, point, self.equations)
         if isinstance(went, str) and name != "GR":
             went = beyond.seen_beyond(branch, point, self.equations, self._wide) or went
-        if isinstance(went, str):
+        if isinstance(went := unless_followed(half, went), str):
             return f"{self.place(point)}: {what}, {went}"
         if name != "GR" and beyond.turns_back(half.points, went[1]):
             half.specials[-1] = replace(half.specials[-1], of="non-smooth fold")
