@@ -70,8 +70,9 @@ def small_groups(compiled: Compiled, sizes: NDArray[np.float64], shares: NDArray
     shares : ndarray, shape (all states,)
         Those of `shares_of`.
     """
-    found = shares.copy()
-    for group, members in compiled.plain_groups:
+    found, free = shares.copy(), (compiled.groups >= 0) & (compiled.kinds == PLAIN)
+    for group in set(compiled.groups[free].tolist()):
+        members = free & (compiled.groups == group)
         if 0.0 < sizes[members].max() < _SMALL:
             found[members] = -1.0 - group
     return found

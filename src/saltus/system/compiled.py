@@ -114,14 +114,6 @@ class Compiled:
         self._directions = np.eye(self.n).ravel()  # those of the states, one after the other
 
     @cached_property
-    def plain_groups(self) -> tuple[tuple[int, NDArray[np.bool_]], ...]:
-        """The groups of states that stay at 0 together, each with which states of no other kind are in it."""
-        from saltus.system.faces import PLAIN
-
-        free = (self.groups >= 0) & (self.kinds == PLAIN)
-        return tuple((group, free & (self.groups == group)) for group in sorted(set(self.groups[free].tolist())))
-
-    @cached_property
     def addresses(self) -> NDArray[np.int64]:
         """Where each of `FUNCTIONS` begins, then the shares; derivatives are compiled when this is first read."""
         return self._addresses(FUNCTIONS)

@@ -15,7 +15,7 @@ from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 # Places in a step and their weights: exact for polynomials of degree 9, where a step's states have degree 7.
 _PLACES = (0.04691007703066802, 0.23076534494715845, 0.5, 0.7692346550528415, 0.9530899229693320)
 _WEIGHTS = (0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324, 0.11846344252809454)
-_TURN = 0.5  # change of the angle over which these places sum its cosine to rounding
+_PARTS = 2  # in a radian of the angle, over each of which these places sum its cosine to rounding
 
 
 @njit(**INNER)
@@ -38,7 +38,7 @@ def add_moments(view, curve, begun, start, turns, room, moments):
         a = curve.mesh[step]
         h = curve.mesh[step + 1] - a
         turned = 2.0 * math.pi * turns * duration / view.period * (_clock(a + h) - _clock(a))
-        parts = 1 + int(abs(turned) / _TURN) if abs(turned) < 1e6 else 1
+        parts = 1 + int(abs(turned) * _PARTS) if abs(turned) < 1e6 else 1
         for g in range(5 * parts):
             place = (g // 5 + _PLACES[g % 5]) / parts
             dense_value(curve.coefficients, step * 7 * n, n, curve.nodes, step * n, place, x)
