@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["common_sizes", "newton_step", "surface_rows"]
+__all__ = ["common_sizes", "newton_step", "residual_size", "surface_rows"]
 
 _MOST = 1e3  # largest common size of a state, over its own
 _ELSEWHERE = (0.3, -0.7)  # how far from a state gradients are looked at, in the states' sizes
@@ -122,3 +122,14 @@ def newton_step(J: NDArray[np.float64], F: NDArray[np.float64], scale: NDArray[n
     shares = scale / scale.max()
     rows = np.maximum(np.abs(J * shares).max(axis=1), 1e-300)
     return np.asarray(shares * np.linalg.solve(J * shares / rows[:, None], F / rows), dtype=float)
+
+
+def residual_size(F: NDArray[np.float64], J: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
+    """Return the largest residual, where units are far apart in those of each equation, of the largest unknown.
+
+    The rounding of an equation in a large unit would hide what is left of one in a small unit.
+    """
+    if not float(scale.min()) < ILL_CONDITIONED * float(scale.max()):
+        return float(np.abs(F).max())
+    rows = np.maximum(np.abs(J[: F.size] * scale).max(axis=1), 1e-300)
+    return float((np.abs(F) / rows).max() * scale.max())

@@ -108,7 +108,7 @@ def grows_within(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.fl
     end then depends on parameters far more than the field does, which is the first, cheap look.
     """
     n, count = problem.n, len(problem.active)
-    if problem.signature.kinds not in ((PHASE_END,), (CLOSED_END,)) or not count:
+    if problem.signature.kinds not in ((PHASE_END,), (CLOSED_END,)) or not count or n < 2:
         return False
     columns = np.abs(J[:n, problem.size : problem.size + count]) / problem.common_scale[:, None]
     if not np.all(np.isfinite(columns)) or float(columns.max()) <= STRETCHED:

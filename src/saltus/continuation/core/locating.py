@@ -187,7 +187,7 @@ def locate(
         if near:
             step = _without_kernel(J, F, row, scale)
             size = float(np.abs(step / scale).max())
-        if _at_rounding(F, J, scale):
+        if _at_rounding(F, (J, a.J, b.J), scale):
             step, size = np.zeros_like(step), 0.0
         if sign == 0.0 and (
             name in problem.singular or (_certain(problem, name) and abs(s - known[-1][0]) < PLACES_ALIKE)
@@ -235,12 +235,18 @@ def locate(
     return None
 
 
-def _at_rounding(F: NDArray[np.float64], J: NDArray[np.float64], scale: NDArray[np.float64]) -> bool:
+def _at_rounding(
+    F: NDArray[np.float64], derivatives: tuple[NDArray[np.float64], ...], scale: NDArray[np.float64]
+) -> bool:
     """Return whether what is left of each equation is rounding of what the unknowns' sizes are in it.
 
-    An equation has no unit in common with an unknown: an event function of a billionth is small by itself.
+    An equation has no unit in common with an unknown: an event function of a billionth is small by itself. Its size is
+    the largest of several places, as it may degenerate at one of them.
+
+    derivatives: Jacobians of the equations, at the place and at the ends of the step.
     """
-    return bool(np.all(np.abs(F) <= RESIDUAL_ROUNDING * np.abs(J * scale).max(axis=1)))
+    sizes = np.max([np.abs(J[: F.size] * scale).max(axis=1) for J in derivatives], axis=0)
+    return bool(np.all(np.abs(F) <= RESIDUAL_ROUNDING * sizes))
 
 
 def _bend_at(s: float, bends: list[tuple[float, NDArray[np.float64]]], u: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -86,7 +86,12 @@ def clear_of_one(
     values: NDArray[np.complex128],
     least: float = 0.0,
 ) -> bool:
-    """Return whether no multiplier but the trivial one is at 1 within its error, which is no less than `least`."""
+    """Return whether no multiplier but the trivial one is at 1 within its error, which is no less than `least`.
+
+    At a grazing no multipliers are known, and none is clear.
+    """
+    if not values.size:
+        return False
     inner = nontrivial(values, autonomous=problem.system.phase is None)
     errors = np.maximum(multiplier_errors(problem, u, J, values)[: inner.size], least)
     return all(zero(abs(v - 1.0), e) is Verdict.NO for v, e in zip(inner, errors, strict=True))
