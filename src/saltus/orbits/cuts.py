@@ -121,7 +121,8 @@ def grows_within(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.fl
     grown, most = maps[:0], 0.0
     for matrix in maps:  # products of the pieces up to this one, from each of them
         grown = np.concatenate([matrix @ grown, matrix[None]])
-        most = max(most, float(np.abs(grown).max()))
+        if np.all(np.isfinite(grown)):  # eigenvalues, which no units of the states change
+            most = max(most, float(np.abs(np.linalg.eigvals(grown)).max()))
     return most > STRETCHED
 
 

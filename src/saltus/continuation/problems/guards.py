@@ -28,8 +28,8 @@ from saltus.scales import (
     PARAMETER_PERHAPS_RESTS,
     PARAMETER_RESTS,
     PARAMETER_ROUNDED,
-    POINT_OF_BRANCH,
     RESIDUAL_KEPT,
+    RESIDUAL_ROUNDING,
     SLOWED,
     split,
     value_error,
@@ -73,7 +73,7 @@ def unconfirmed(
     away = np.abs(np.abs(inner) - 1.0) if kind == "TR" else np.abs(inner - (1.0 if kind == "SN" else -1.0))
     if away.size and float(away.min()) <= CONFIRMED:
         return False
-    errors = np.maximum(multiplier_errors(problem, u, J, values)[: inner.size], POINT_OF_BRANCH * _speed(step))
+    errors = np.maximum(multiplier_errors(problem, u, J, values)[: inner.size], RESIDUAL_ROUNDING * _speed(step))
     return not np.any(away <= errors)
 
 
