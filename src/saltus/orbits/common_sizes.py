@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.scales import AFFINE, ILL_CONDITIONED
+from saltus.scales import AFFINE, ILL_CONDITIONED, RESIDUAL_ROUNDING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.system import HybridSystem
 
-__all__ = ["common_sizes", "newton_step", "residual_size", "surface_rows"]
+__all__ = ["common_sizes", "left_by_rounding", "newton_step", "surface_rows"]
 
 _MOST = 1e3  # largest common size of a state, over its own
 _ELSEWHERE = (0.3, -0.7)  # how far from a state gradients are looked at, in the states' sizes
@@ -124,12 +124,13 @@ def newton_step(J: NDArray[np.float64], F: NDArray[np.float64], scale: NDArray[n
     return np.asarray(shares * np.linalg.solve(J * shares / rows[:, None], F / rows), dtype=float)
 
 
-def residual_size(F: NDArray[np.float64], J: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
-    """Return the largest residual, where units are far apart in those of each equation, of the largest unknown.
+def left_by_rounding(F: NDArray[np.float64], J: NDArray[np.float64], scale: NDArray[np.float64]) -> bool:
+    """Return whether units are far apart, and what is left of each equation is rounding of what the unknowns are in it.
 
-    The rounding of an equation in a large unit would hide what is left of one in a small unit.
+    The rounding of an equation in a large unit hides whether what is left of one in a small unit falls.
     """
     if not float(scale.min()) < ILL_CONDITIONED * float(scale.max()):
-        return float(np.abs(F).max())
-    rows = np.maximum(np.abs(J[: F.size] * scale).max(axis=1), 1e-300)
-    return float((np.abs(F) / rows).max() * scale.max())
+        return False
+    with np.errstate(over="ignore", invalid="ignore"):
+        rows = np.abs(J[: F.size] * scale).max(axis=1)
+    return bool(np.all(np.isfinite(rows)) and np.all(np.abs(F) <= RESIDUAL_ROUNDING * rows))

@@ -15,7 +15,7 @@ from saltus.flow.sticking import check_continuous
 from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.maps.solve import solve_map_orbit
-from saltus.orbits.common_sizes import newton_step, residual_size
+from saltus.orbits.common_sizes import left_by_rounding, newton_step
 from saltus.orbits.cuts import check_measured, cut, held, piece_maps, started_elsewhere, stretched
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.guesses import check_size, check_states, read_guess
@@ -331,7 +331,7 @@ def solve_unknowns(
     else:
         scale[problem.n :: problem.n + 1] /= 2.0 * math.pi  # a radian, within which a step of an orbit stays
     F, J = fitted(problem, evaluate, u)
-    size, remeshed, landed, extent = residual_size(F, J, scale), 0, Landed(problem), _extent(problem, u)
+    size, remeshed, landed, extent = float(np.abs(F).max()), 0, Landed(problem), _extent(problem, u)
     for iteration in range(most):
         if unfolded is not None and unfolded.turn_gap(u, J[:-1]):
             F, J = evaluate(u)
@@ -346,14 +346,16 @@ def solve_unknowns(
         while True:
             if landed.follows and (there := landed.sought(evaluate, (u, F, J), step)) is not None:
                 trial, F_new, J_new = there
-                new = residual_size(landed.left(F_new), J_new, scale)
+                new = float(np.abs(landed.left(F_new)).max())
                 break
             trial = u + factor * step
             F_new, J_new = evaluate(trial)
-            new = residual_size(F_new, J_new, scale)
+            new = float(np.abs(F_new).max())
             if new <= (1.0 - 0.2 * factor) * size or _rounded(problem, length, new):
                 break
-            if length < scales.SETTLED and landed.within(trial, F_new, J_new):
+            if left_by_rounding(F_new, J_new, scale) or (
+                length < scales.SETTLED and landed.within(trial, F_new, J_new)
+            ):
                 break
             factor *= 0.5
             if factor < least:
@@ -361,7 +363,7 @@ def solve_unknowns(
                 if not sought or (there := landed.sought(evaluate, (u, F, J), step)) is None:
                     raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
                 trial, F_new, J_new = there
-                new, factor = residual_size(landed.left(F_new), J_new, scale), 1.0
+                new, factor = float(np.abs(landed.left(F_new)).max()), 1.0
                 break
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
@@ -388,11 +390,11 @@ def solve_unknowns(
                 problem.start(u)
             remeshed += 1
             u, F, J = before_poles(problem, evaluate, u, scales.followed(problem.tol))
-            size = residual_size(F, J, scale)
+            size = float(np.abs(F).max())
         elif length > 1e-2 or iteration == 0:
             u = _within_reach(problem, u)
             F, J = fitted(problem, evaluate, u)
-            size = residual_size(F, J, scale)
+            size = float(np.abs(F).max())
     raise ConvergenceError("periodic orbit", size, most, _why(problem, u, size, extent))
 
 

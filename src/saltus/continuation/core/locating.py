@@ -13,6 +13,7 @@ from saltus.continuation.core.signs import changed_signs
 from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, hermite, hermite_slope
 from saltus.scales import (
     CROWDED,
+    ILL_CONDITIONED,
     LOCATING_STALLED,
     MONITOR_JUMPS,
     MONITOR_SIGN,
@@ -240,12 +241,14 @@ def _at_rounding(
 ) -> bool:
     """Return whether what is left of each equation is rounding of what the unknowns' sizes are in it.
 
-    An equation has no unit in common with an unknown: an event function of a billionth is small by itself. Its size is
-    the largest of several places, as it may degenerate at one of them.
+    An equation has no unit in common with an unknown: an event function of a billionth is small by itself. Where it
+    degenerates, its size is that at the ends of the step.
 
     derivatives: Jacobians of the equations, at the place and at the ends of the step.
     """
-    sizes = np.max([np.abs(J[: F.size] * scale).max(axis=1) for J in derivatives], axis=0)
+    own, *ends = (np.abs(J[: F.size] * scale).max(axis=1) for J in derivatives)
+    usual = np.max(ends, axis=0)
+    sizes = np.where(own < ILL_CONDITIONED * usual, usual, own)
     return bool(np.all(np.abs(F) <= RESIDUAL_ROUNDING * sizes))
 
 
