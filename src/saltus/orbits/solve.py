@@ -351,11 +351,9 @@ def solve_unknowns(
             trial = u + factor * step
             F_new, J_new = evaluate(trial)
             new = float(np.abs(F_new).max())
-            if new <= (1.0 - 0.2 * factor) * size or _rounded(problem, length, new):
+            if new <= (1.0 - 0.2 * factor) * size or _rounded(problem, length, new, (F_new, J_new, scale)):
                 break
-            if left_by_rounding(F_new, J_new, scale) or (
-                length < scales.SETTLED and landed.within(trial, F_new, J_new)
-            ):
+            if length < scales.SETTLED and landed.within(trial, F_new, J_new):
                 break
             factor *= 0.5
             if factor < least:
@@ -367,9 +365,8 @@ def solve_unknowns(
                 break
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
-        rounding = (
-            size < scales.RESIDUAL_ROUNDING * float(problem.state_scale.max()) and length < scales.STEP_AT_ROUNDING
-        )
+        largest = float(problem.state_scale.max())
+        rounding = size < scales.RESIDUAL_ROUNDING * largest and length < scales.STEP_AT_ROUNDING
         if factor == 1.0 and (length < scales.SETTLED or rounding):
             fine = problem.refine()
             survey = problem.survey(u) if fine else None
@@ -398,9 +395,10 @@ def solve_unknowns(
     raise ConvergenceError("periodic orbit", size, most, _why(problem, u, size, extent))
 
 
-def _rounded(problem: OrbitProblem, length: float, left: float) -> bool:
-    """Return whether a step of a length leaves a residual that need not fall any more."""
-    return length < scales.STEP_AT_ROUNDING and left < scales.RESIDUAL_SMALL * float(problem.state_scale.max())
+def _rounded(problem: OrbitProblem, length: float, left: float, found: tuple[NDArray[np.float64], ...]) -> bool:
+    """Return whether a step of a length leaves a residual that need not fall any more; found: F, J, unknowns' sizes."""
+    least = scales.RESIDUAL_SMALL * float(problem.state_scale.max())
+    return (length < scales.STEP_AT_ROUNDING and left < least) or left_by_rounding(*found)
 
 
 def _accepted(
