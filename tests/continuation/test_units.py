@@ -31,7 +31,14 @@ KEPT = [
     ("Brusselator, cycles", "mixed, turned", 1e-8),
 ]
 ALONE = ("small", "fast", "slow", "parameter small", "parameter large")  # all states in one unit
-LOCI = [(name, unit) for name, case in units.CASES.items() if case.second for unit in ALONE]
+# the belt's GR is refused with small states: its extended equations count a second direction there
+LOCI = [
+    (name, unit)
+    for name, case in units.CASES.items()
+    if case.second
+    for unit in ALONE
+    if (name, unit) != ("belt", "small")
+]
 
 
 @functools.cache
