@@ -14,7 +14,7 @@ Ascher, Mattheij and Russell, Numerical Solution of Boundary Value Problems for 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -154,8 +154,11 @@ def _need(maps: NDArray[np.float64]) -> NDArray[np.float64]:
         growth = np.abs(maps).max(axis=(1, 2))
     if not np.all(np.isfinite(growth)):
         return np.asarray(growth)
-    least = np.linalg.svd(maps, compute_uv=False)[:, -1]
-    # what contracts by more than that beside what grows would be lost in the rounding of a piece
+    return _with_contraction(growth, np.linalg.svd(maps, compute_uv=False)[:, -1])
+
+
+def _with_contraction(growth: NDArray[np.float64], least: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Return the growth of pieces, or their contraction where it is as bad: beside growth it is lost in rounding."""
     return np.asarray(np.maximum(growth, TAUT * _SLACK / np.maximum(least, 1e-300)))
 
 
@@ -190,10 +193,9 @@ def cut(
             growth = np.full(problem.segments, math.inf)
         elif contraction:
             least = np.linalg.svd(maps, compute_uv=False)[:, -1]
-            # what contracts by more than that beside what grows would be lost in the rounding of a piece
             if _pieces_that_contract(growth, least.astype(np.float64)) > MOST_PIECES:
                 return _cut_for_growth(*begun)
-            growth = np.maximum(growth, TAUT * _SLACK / np.maximum(least, 1e-300))
+            growth = _with_contraction(growth, least)
         if not growth.max() > TAUT:
             break
         problem.survey(u)

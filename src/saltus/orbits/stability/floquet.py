@@ -231,10 +231,7 @@ def _of_pieces(
     if problem.system.phase is not None:
         return _of_product(maps[:, :-1, :-1])
     if flows is None:
-        flows = np.empty((problem.segments, problem.n))
-        for flow, mode, row in zip(flows, problem.modes, u[: problem.size].reshape(len(flows), -1), strict=True):
-            x = np.ascontiguousarray(row[: problem.n])
-            problem.system.compiled.call("field", int(mode), 0, x, problem.extended, flow)
+        flows = problem.flows_at_starts(u)
     turns = [reflector((flow / problem.state_scale)[left]) for flow in flows]
     turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
     values = _of_product(np.array(turned)[:, 1:, 1:])
