@@ -549,3 +549,20 @@ def test_a_fast_approach_feels_the_force_next_to_the_surface(afm2, q1, v1):
         for r in (1e-11, 1e-14)
     ]
     np.testing.assert_allclose(*at, rtol=0.0, atol=2e-8)
+
+
+@pytest.mark.parametrize(("distance", "start"), [(10.248248076768414, 95), (8.944856588848653, 177)])
+def test_a_step_that_ends_behind_a_surface_by_its_error_does_not_pass_it(distance, start):
+    # errors of a step beside a root put the tip behind the surface of release: it stayed in contact there for a turn
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    system = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=9.5)
+    rng = np.random.default_rng(1)
+    draws = [(rng.uniform(5.0, 11.5), rng.uniform(-4.0, 10.0), rng.uniform(-20.0, 20.0)) for _ in range(start + 1)]
+    value, *x = draws[start]
+    assert value == pytest.approx(distance, rel=1e-12)
+    p, x = system.parameter_vector({"Zc_nm": value}), system.full_state(x)
+    coarse, fine = (
+        iterate(system, p, x, 0, discard=60, keep=3, tolerance=tolerance) for tolerance in ((1e-5, 1e-7), (1e-9, 1e-11))
+    )
+    assert np.abs(coarse.states - fine.states).max() < 0.05

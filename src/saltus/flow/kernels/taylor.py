@@ -65,6 +65,7 @@ from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, PART, call, keep, numbers_at, outlined, pointer
 
 FIELD = FUNCTIONS.index("field")
+EVENT = FUNCTIONS.index("event")
 EVENT_X = FUNCTIONS.index("event_x")
 RESET = FUNCTIONS.index("reset")
 GUARD = FUNCTIONS.index("guard")
@@ -174,6 +175,23 @@ def _go_on(system, motion, mode, w, crossings, after):
 
 
 @njit(**INNER)
+def _keeps_sides(system, mode, crossings, room):
+    """Whether the end of a step without an event lies on those sides of surfaces that the zeros in the step leave.
+
+    Next to a surface the errors of the series may put it on the other side, where the event would count as passed.
+    """
+    outlined()
+    y, event = room.y, room.event
+    for k in range(system.n_transitions):
+        if system.transitions[3 * k] == mode:
+            call(system.addresses[EVENT], k, 0, y, 0, system.p, event, 0)
+            side = crossings.before[k] if crossings.n_found[k] % 2 == 0 else -crossings.before[k]
+            if side != PASSES and event[0] * side < 0.0:
+                return False
+    return True
+
+
+@njit(**INNER)
 def _side(system, motion, fired, rate, room):
     """Side on which an event leaves a motion that goes to the other one, or stays; see `side_after`."""
     outlined()
@@ -273,6 +291,8 @@ def _one_step(system, series, tolerances, returns, motion, columns, crossings, r
         residual = residual_at(system, tolerances, motion, landing, room)
         if not (residual >= 0.0 and is_clear(system, landing, room)):
             return HELP
+    elif not _keeps_sides(system, mode, crossings, room):
+        return HELP
     if phase > 0.0 and x[n - 1] + phase * dt >= TWO_PI:
         if _wrap(system, returns, motion, mode, landing, in_sigma, columns, room.after):
             return DONE
