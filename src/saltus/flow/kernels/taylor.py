@@ -64,7 +64,6 @@ from saltus.system.compiled import FUNCTIONS, SHARES
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, PART, call, keep, numbers_at, outlined, pointer
 
-FIELD = FUNCTIONS.index("field")
 EVENT = FUNCTIONS.index("event")
 EVENT_X = FUNCTIONS.index("event_x")
 RESET = FUNCTIONS.index("reset")
@@ -206,14 +205,16 @@ def _side(system, motion, fired, rate, room):
 
 @njit(**PART)
 def _happen(system, forms, returns, motion, mode, landing, residual, crossings, room):
-    """Let an event happen: onto its surface to rounding, then the reset; whether what follows is plain."""
+    """Let an event happen: onto its surface to rounding, then the reset; whether what follows is plain.
+
+    `event` holds the function and its rate at the landing, `other` the field there, both from `is_clear`.
+    """
     n, x, fired, after, event = system.n, motion.x, landing.fired, room.after, room.event
     numbers, counts = motion.numbers, motion.counts
     rate, correction = event[1], -event[0] / event[1]
     if abs(correction) <= 1e-4 * landing.dt:
-        call(system.addresses[FIELD], mode, 0, x, 0, system.p, after, 0)
         for e in range(n):
-            x[e] += correction * after[e]
+            x[e] += correction * room.other[e]
         advance(numbers, correction)
         residual = 0.0
     if returns.section[fired] == 1:

@@ -349,22 +349,22 @@ def is_clear(system, landing, room):
     """Whether a step lands on a zero beside which the function is soon above its rounding, on both sides.
 
     Other zeros are no nearer than that, and the zero is simple: a Newton step leaves next to nothing of the function.
+    `event` holds the function and its rate, from `residual_at`; the field is left in `other`.
     """
     outlined()
-    y, size, event, other, n = room.y, room.size, room.event, room.other, system.n
+    y, size, event, field, after, n = room.y, room.size, room.event, room.other, room.after, system.n
+    value, rate = event[0], event[1]
     for e in range(n):
         size[e] = TWO_PI if system.phase > 0.0 and e == n - 1 else abs(y[e])
     rounding = rounding_at(system, landing.fired, y, size, room.sized)
-    call(system.addresses[EVENT], landing.fired, 0, y, 0, system.p, event, 0)
-    value, rate = event[0], event[1]
     if not BESIDE * rounding < SAME * landing.dt * abs(rate):
         return False
+    call(system.addresses[FIELD], system.transitions[3 * landing.fired], 0, y, 0, system.p, field, 0)
     if abs(value) <= rounding:
         return True
-    call(system.addresses[FIELD], system.transitions[3 * landing.fired], 0, y, 0, system.p, room.after, 0)
     for e in range(n):
-        other[e] = y[e] - value / rate * room.after[e]
-    call(system.addresses[EVENT], landing.fired, 0, other, 0, system.p, event, 0)
+        after[e] = y[e] - value / rate * field[e]
+    call(system.addresses[EVENT], landing.fired, 0, after, 0, system.p, event, 0)
     left = abs(event[0])
     event[0], event[1] = value, rate
     return left <= max(SIMPLE * abs(value), rounding)
