@@ -23,6 +23,17 @@ class Tested(NamedTuple):
     turns: bool  # whether the values are a complex pair
     far: bool  # whether they are so far from critical that they cannot come there and back in a step
     scale: float  # way of the values that is neither short nor long
+    infinite: bool = False  # whether all functions change their signs at once where a value passes infinity
+
+    def like(self, other: Tested) -> Tested:
+        """Return the functions with the signs that they have next to other ones where a value passed infinity between.
+
+        They are linear in a point of the projective plane, 1 with sum and product of the values: a vector and its opposite
+        are one point.
+        """
+        if not self.infinite or sum(a * b for a, b in zip(self.values, other.values, strict=True)) >= 0.0:
+            return self
+        return self._replace(values=[-value for value in self.values])
 
 
 def bounded(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -46,7 +57,7 @@ def circle_tests(values: list[complex]) -> Tested:
         unit = math.hypot(1.0, size)
         change, far = (1.0 + size) / unit, size < FAR_FROM_CRITICAL or size > 1.0 / FAR_FROM_CRITICAL
         distances = [(1.0 - value.real) / unit, (1.0 + value.real) / unit]
-        return Tested(distances, [change, change], turns=False, far=far, scale=max(1.0, size))
+        return Tested(distances, [change, change], turns=False, far=far, scale=max(1.0, size), infinite=True)
     if len(values) == 2:
         a, b = values
         size, second = abs(a), abs(b)
@@ -70,7 +81,7 @@ def circle_tests(values: list[complex]) -> Tested:
             changes.append(change / unit)
         sizes = [abs(value) for value in values]
     far = max(sizes) < FAR_FROM_CRITICAL or min(sizes) > 1.0 / FAR_FROM_CRITICAL
-    return Tested(distances, changes, _turns(values), far, max(1.0, *sizes))
+    return Tested(distances, changes, _turns(values), far, max(1.0, *sizes), infinite=len(values) == 2)
 
 
 def border_tests(values: list[complex]) -> Tested:

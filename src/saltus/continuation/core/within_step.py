@@ -288,7 +288,10 @@ def _zeros_of_part(
         count = len(own[0])
         inside = there[at : at + count]
         at += count
-        results, now = [tests(values) for values in own], tests(inside)
+        start, beside, end, behind = (tests(values) for values in own)
+        now = tests(inside).like(start)
+        end = end.like(now)
+        results = start, beside.like(start), end, behind.like(end)
         if now.far and all(result.far for result in results):
             continue
         meets = count == 1 and abs(inside[0].imag) > PAIRED * abs(inside[0])
