@@ -77,9 +77,10 @@ def sized_eigenvalues(
     entries are made of besides, shape (any, n, n); it is called where it matters.
     """
     values = np.linalg.eigvals(A).astype(np.complex128)
-    top = float(np.abs(values).max(initial=0.0))
+    moduli = np.abs(values).tolist()
+    top = max(moduli, default=0.0)
     sizes = np.full(values.size, top)
-    if float(np.abs(values).min(initial=math.inf)) < SEPARATED * top:
+    if min(moduli, default=math.inf) < SEPARATED * top:
         parts = A[None] if terms is None else np.concatenate([A[None], terms()])
         found = _by_speed(_balanced(parts), top)
         if len(found) > 1:

@@ -162,6 +162,8 @@ def negative_root(
     p : ndarray
         Parameters, extended or not.
     """
+    if not system.compiled.under_roots:
+        return ""
     count = len(system.modes) + len(system.transitions)
     place = count + sum(map(len, system.conditions.values())) + mode
     x, p, out = np.ascontiguousarray(x), system.compiled.extended(p[: len(system.parameters)]), np.empty(1)
