@@ -28,8 +28,8 @@ class Tested(NamedTuple):
     def like(self, other: Tested) -> Tested:
         """Return the functions with the signs that they have next to other ones where a value passed infinity between.
 
-        They are linear in a point of the projective plane, 1 with sum and product of the values: a vector and its opposite
-        are one point.
+        They are linear in a point of the projective plane, 1 with sum and product of the values. A vector and its
+        opposite are one point.
         """
         if not self.infinite or sum(a * b for a, b in zip(self.values, other.values, strict=True)) >= 0.0:
             return self
