@@ -232,7 +232,7 @@ def _of_pieces(
         return _of_product(maps[:, :-1, :-1])
     if flows is None:
         flows = problem.flows_at_starts(u)
-    turns = [reflector((flow / problem.state_scale)[left]) for flow in flows]
+    turns = [reflector((flow / scale)[left]) for flow in flows]
     turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
     values = _of_product(np.array(turned)[:, 1:, 1:])
     if values[-1].imag == 0.0 and abs(values[-1]) < 1.0:
