@@ -638,6 +638,15 @@ def test_a_slow_impact_is_marked_as_grazing():
     assert fast["normal_velocity"][0] == pytest.approx(-2.0 * math.sqrt(1e-9), rel=1e-4)
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_grazing_is_one_in_all_units(unit):
+    system = one_mode({"z": "v", "v": f"2*{unit!r}"}, [("z", -1, {"v": "-v"}, None)])
+    for above, grazes in ((1e-13, True), (1e-9, False), (0.5, False)):
+        start = [unit * (1.0 - above), -2.0 * unit]
+        motion = simulate(system, None, start, t_end=1.5, tolerance=(1e-12, 1e-13 * unit))
+        assert motion.events["grazing"][0] == grazes
+
+
 @pytest.mark.parametrize("periods", [1, 6])
 def test_a_saved_trajectory_is_read_back_equal(afm1, tmp_path, periods):
     motion = simulate(afm1, {"Omega": 1.1}, [0.3, 0.2], periods=periods)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.scales import SPEEDLESS
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["GRAZING_SPEED", "code_of", "event_table", "indices_of"]
-
-GRAZING_SPEED = 1e-6  # rate of an event function, in its unit per time, below which its event is marked as grazing
+__all__ = ["code_of", "event_table", "indices_of"]
 
 
 def event_table(
@@ -22,8 +22,18 @@ def event_table(
     which: NDArray[np.int64],
     ends: NDArray[np.float64],
     rates: NDArray[np.float64],
+    p: NDArray[np.float64],
+    starts: NDArray[np.float64],
 ) -> NDArray[np.void]:
-    """Return the events of a motion as `Trajectory.events` has them, from arrays as `EventDrivenMotion.events` has."""
+    """Return the events of a motion as `Trajectory.events` has them, from arrays as `EventDrivenMotion.events` has.
+
+    Parameters
+    ----------
+    p : ndarray, shape (parameters,)
+        Parameters, extended or not.
+    starts : ndarray, shape (step, all states)
+        States on the way, whose sizes tell how fast an event function changes.
+    """
     n = len(system.all_states)
     names = (*system.transition_names, "" if system.phase is None else system.phase[0])
     modes = np.array(system.mode_names)
@@ -41,9 +51,28 @@ def event_table(
     table["kind"] = np.where(wraps, "phase", "event")
     table["name"] = np.array(names)[which[:, 0]]
     table["mode_before"], table["mode_after"] = modes[which[:, 1]], modes[which[:, 2]]
-    table["grazing"] = ~wraps & (np.abs(rates) < GRAZING_SPEED)
+    table["grazing"] = _are_grazing(system, which[:, 0], ends, rates, p, starts)
     table.setflags(write=False)
     return table
+
+
+def _are_grazing(
+    system: HybridSystem,
+    transitions: NDArray[np.int64],
+    ends: NDArray[np.float64],
+    rates: NDArray[np.float64],
+    p: NDArray[np.float64],
+    starts: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Return which events are met without speed: the rates are next to nothing of what the states' sizes make of them."""
+    n = ends.shape[2]
+    sizes = np.abs(np.concatenate([ends.reshape(-1, n), starts])).max(axis=0, initial=0.0)
+    extended, out = system.compiled.extended(p[: len(system.parameters)]), np.empty(2 + 2 * n)
+    found = np.zeros(rates.size, dtype=np.bool_)
+    for i in np.flatnonzero(transitions >= 0).tolist():
+        system.compiled.call("event_x", int(transitions[i]), 0, np.ascontiguousarray(ends[i, 0]), extended, out)
+        found[i] = abs(rates[i]) < SPEEDLESS * float(np.abs(out[2 + n :]) @ sizes)
+    return found
 
 
 def code_of(system: HybridSystem, kind: str, name: str) -> int:

@@ -228,13 +228,14 @@ def simulate(
     if short:
         stopped = f"interrupted at t = {full:.12g}" if interrupted else f"{short} reached at t = {full:.12g}"
     times, modes, starts, dense = run.steps()
+    seen, kinds, sides, rates = run.events()
     motion = Trajectory(
         system=system,
         parameters=system.resolve(parameters),
         t_end=full if periods is not None or short else end,
         x_end=frozen(run.x),
         mode_end=system.mode_names[run.mode],
-        events=event_table(system, *run.events()),
+        events=event_table(system, seen, kinds, sides, rates, run.p, starts),
         stopped=stopped,
         step_times=frozen(times[:, 0]),
         step_lengths=frozen(times[:, 1]),

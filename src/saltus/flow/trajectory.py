@@ -57,8 +57,8 @@ class Trajectory(Result):
     events : structured ndarray, shape (event,)
         Fields `time`, `kind` ("event", or "phase" for a wrap of the phase), `name` (of the transition or the phase),
         `mode_before`, `mode_after`, `before` and `after` (full states). `normal_velocity` is the rate of the event
-        function along the motion before the event. `grazing` is true where its size is below
-        `saltus.flow.event_tables.GRAZING_SPEED`.
+        function along the motion before the event. `grazing` is true where it is below 1e-6 of what the states' sizes
+        make of it.
     stopped : str
         Why the motion ended.
     step_times, step_lengths : ndarray, shape (step,)
@@ -395,18 +395,20 @@ class Trajectory(Result):
         lengths = held.array("step_length", step, least=0.0)
         if np.any(np.diff(np.append(begun, t_end)) > lengths * (1.0 + 1e-9) + 1e-12 * t_end):
             raise InputError("step_length", "gaps between steps", "lengths of steps that cover the time")
+        parameters, starts = held_parameters(held, system), held.array("step_start", ("step", "state"))
+        p, kinds, sides = system.parameter_vector(parameters), np.stack(which, axis=1), np.stack(ends, axis=1)
         return cls(
             system=system,
-            parameters=held_parameters(held, system),
+            parameters=parameters,
             t_end=t_end,
             x_end=frozen(held.array("x_end", ("state",))),
             mode_end=system.mode_names[system.mode_index(held.text("mode_end"))],
-            events=event_table(system, times, np.stack(which, axis=1), np.stack(ends, axis=1), rates),
+            events=event_table(system, times, kinds, sides, rates, p, starts),
             stopped=held.text("stopped"),
             step_times=frozen(begun),
             step_lengths=frozen(lengths),
             step_modes=frozen(held.array("step_mode", step, int, least=0, most=last), np.int64),
-            step_starts=frozen(held.array("step_start", ("step", "state"))),
+            step_starts=frozen(starts),
             step_dense=frozen(held.array("step_dense", ("step", "coefficient", "state"))),
             tolerance=(held.number("rtol", least=0.0), held.number("atol", least=0.0)),
             # absent from earlier files
