@@ -64,7 +64,7 @@ def _are_grazing(
     p: NDArray[np.float64],
     starts: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Return which events are met without speed: the rates are next to nothing of what the states' sizes make of them."""
+    """Return which events are met without speed: their rates are next to nothing of what the states' sizes make."""
     n = ends.shape[2]
     sizes = np.abs(np.concatenate([ends.reshape(-1, n), starts])).max(axis=0, initial=0.0)
     extended, out = system.compiled.extended(p[: len(system.parameters)]), np.empty(2 + 2 * n)

@@ -385,8 +385,9 @@ class Trajectory(Result):
         event, step, last = ("event",), ("step",), len(system.modes) - 1
         first = 0 if system.phase is None else -1
         which = [held.array("event_transition", event, int, least=first, most=len(system.transitions) - 1)]
-        which += [held.array(f"event_mode_{side}", event, int, least=0, most=last) for side in ("before", "after")]
-        ends = [held.array(f"event_{side}", ("event", "state")) for side in ("before", "after")]
+        sides = "before", "after"
+        which += [held.array(f"event_mode_{side}", event, int, least=0, most=last) for side in sides]
+        ends = np.stack([held.array(f"event_{side}", ("event", "state")) for side in sides], axis=1)
         times = held.array("event_time", event, least=0.0)
         rates = held.array("event_normal_velocity", event, finite=False)
         begun = held.array("step_time", step, least=0.0)
@@ -396,14 +397,14 @@ class Trajectory(Result):
         if np.any(np.diff(np.append(begun, t_end)) > lengths * (1.0 + 1e-9) + 1e-12 * t_end):
             raise InputError("step_length", "gaps between steps", "lengths of steps that cover the time")
         parameters, starts = held_parameters(held, system), held.array("step_start", ("step", "state"))
-        p, kinds, sides = system.parameter_vector(parameters), np.stack(which, axis=1), np.stack(ends, axis=1)
+        p, kinds = system.parameter_vector(parameters), np.stack(which, axis=1)
         return cls(
             system=system,
             parameters=parameters,
             t_end=t_end,
             x_end=frozen(held.array("x_end", ("state",))),
             mode_end=system.mode_names[system.mode_index(held.text("mode_end"))],
-            events=event_table(system, times, kinds, sides, rates, p, starts),
+            events=event_table(system, times, kinds, ends, rates, p, starts),
             stopped=held.text("stopped"),
             step_times=frozen(begun),
             step_lengths=frozen(lengths),
