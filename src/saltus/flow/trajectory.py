@@ -57,8 +57,7 @@ class Trajectory(Result):
     events : structured ndarray, shape (event,)
         Fields `time`, `kind` ("event", or "phase" for a wrap of the phase), `name` (of the transition or the phase),
         `mode_before`, `mode_after`, `before` and `after` (full states). `normal_velocity` is the rate of the event
-        function along the motion before the event. `grazing` is true where it is below 1e-6 of what the states' sizes
-        make of it.
+        function before the event. `grazing` is true where it is below 1e-6 of what the states' sizes make of it.
     stopped : str
         Why the motion ended.
     step_times, step_lengths : ndarray, shape (step,)
@@ -382,12 +381,10 @@ class Trajectory(Result):
         held.names("state", system.all_states)
         t_end = held.number("t_end", least=0.0)
         held.size("step", least=1 if t_end else 0)
-        event, step, last = ("event",), ("step",), len(system.modes) - 1
-        first = 0 if system.phase is None else -1
+        event, step, last, first = ("event",), ("step",), len(system.modes) - 1, 0 if system.phase is None else -1
         which = [held.array("event_transition", event, int, least=first, most=len(system.transitions) - 1)]
-        sides = "before", "after"
-        which += [held.array(f"event_mode_{side}", event, int, least=0, most=last) for side in sides]
-        ends = np.stack([held.array(f"event_{side}", ("event", "state")) for side in sides], axis=1)
+        which += [held.array(f"event_mode_{side}", event, int, least=0, most=last) for side in ("before", "after")]
+        ends = np.stack([held.array(f"event_{side}", ("event", "state")) for side in ("before", "after")], axis=1)
         times = held.array("event_time", event, least=0.0)
         rates = held.array("event_normal_velocity", event, finite=False)
         begun = held.array("step_time", step, least=0.0)
@@ -397,14 +394,14 @@ class Trajectory(Result):
         if np.any(np.diff(np.append(begun, t_end)) > lengths * (1.0 + 1e-9) + 1e-12 * t_end):
             raise InputError("step_length", "gaps between steps", "lengths of steps that cover the time")
         parameters, starts = held_parameters(held, system), held.array("step_start", ("step", "state"))
-        p, kinds = system.parameter_vector(parameters), np.stack(which, axis=1)
+        p = system.parameter_vector(parameters)
         return cls(
             system=system,
             parameters=parameters,
             t_end=t_end,
             x_end=frozen(held.array("x_end", ("state",))),
             mode_end=system.mode_names[system.mode_index(held.text("mode_end"))],
-            events=event_table(system, times, kinds, ends, rates, p, starts),
+            events=event_table(system, times, np.stack(which, axis=1), ends, rates, p, starts),
             stopped=held.text("stopped"),
             step_times=frozen(begun),
             step_lengths=frozen(lengths),
