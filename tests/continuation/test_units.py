@@ -20,7 +20,7 @@ DRAWN = [
     for seed in range(8)
     for name in units.CASES
     for tol in (1e-12, 1e-8, 1e-5)
-    if name != "belt"  # whose adding of a sliding stretch is a double zero
+    if (name, seed, tol) != ("belt", 6, 1e-5)  # it ends next to its AS, a double zero, and says that it does
 ]
 SAMPLE = np.random.default_rng(2026).permutation(len(EVERY))[:24].tolist()
 QUICK = [EVERY[i] for i in SAMPLE]
@@ -30,15 +30,7 @@ KEPT = [
     ("stick-slip", "large", 1e-5),
     ("Brusselator, cycles", "mixed, turned", 1e-8),
 ]
-ALONE = ("small", "fast", "slow", "parameter small", "parameter large")  # all states in one unit
-# the belt's GR is refused with small states: its extended equations count a second direction there
-LOCI = [
-    (name, unit)
-    for name, case in units.CASES.items()
-    if case.second
-    for unit in ALONE
-    if (name, unit) != ("belt", "small")
-]
+LOCI = [(name, unit) for name, case in units.CASES.items() if case.second for unit in units.UNITS]
 
 
 @functools.cache

@@ -334,7 +334,9 @@ class OrbitRun(OneParameterRun):
             return told if again is None else (*again, self._first_step)
         found = neighbour(branch.problem, way, point.u)
         name = type_of_change(branch.problem, way, point.u, found)
-        if name == "AS" and way.kind == "duration" and (added := self._excursion_ends(half)) is not None:
+        # an excursion's duration and the rate at its end vanish at once there: either may have been located
+        vanishes = way.kind == "duration" if name == "AS" else way.kind == "rate" and isinstance(found, str)
+        if vanishes and (added := self._excursion_ends(half)) is not None:
             return added
         point.examined = beyond.without_rounding(point.examined)
         if self.control.at_grazing == "pass":
