@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import numpy as np
 
 from saltus.orbits.signature import EVENT_END
-from saltus.scales import EPS, ON_SURFACE, RESIDUAL_KEPT, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
+from saltus.scales import EPS, RESIDUAL_KEPT, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -172,11 +172,11 @@ def _period(problem: Equations, u: NDArray[np.float64]) -> float:
 
 
 def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> Survey:
-    """Return a survey whose extremes and residuals are those on the surfaces that are met steeply.
+    """Return a survey whose residuals of events are in time, and whose extremes are on their surfaces.
 
-    Met steeply is a surface from which the flow's error in time leads away further than a located grazing's error. The
-    residuals there are shares of the period, in units of the largest state; all others stay. The state on the surface
-    is taken along the flow, from where the segment ends by the rounding of its duration.
+    So it is where more is left than is kept, and the rate at the surface tells the time. A fast passage magnifies the
+    rounding of a start. The residuals there are shares of the period, in units of the largest state; all others stay.
+    The state on the surface is taken along the flow, from where the segment ends.
     """
     left, least = survey.rates[:, 2], RESIDUAL_KEPT * float(problem.state_scale.min())
     if not (left > least).any():
@@ -186,8 +186,7 @@ def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> S
         off = (problem.kinds == EVENT_END) & (left > least) & (left <= _FAR * period * np.abs(survey.rates[:, 0]))
     if not off.any():
         return survey
-    sizes, moved = problem.event_sizes(u), _moved(problem, u, survey.rates[:, 0])
-    places = np.flatnonzero(off & (left > RESIDUAL_KEPT * sizes) & (moved > ON_SURFACE * sizes))
+    places = np.flatnonzero(off & (left > RESIDUAL_KEPT * problem.event_sizes(u)))
     lows, highs, rates = survey.lows.copy(), survey.highs.copy(), survey.rates.copy()
     _, starts, nodes, _ = problem.dense()
     compiled, p = problem.system.compiled, problem.extended

@@ -14,6 +14,7 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.errors import clear_of_one
+from saltus.orbits.cuts import piece_maps
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.critical import openness
@@ -93,7 +94,11 @@ def residual_fault(problem: OrbitProblem, survey: Survey, u: NDArray[np.float64]
         return None
     sizes = np.maximum(problem.event_sizes(u), float(problem.state_scale.max()))
     left = float(np.max(survey.rates[:, 2] / sizes))
-    return None if left <= RESIDUAL_KEPT else f"residual: {left:.1e} of the orbit's size is left of the equations"
+    if left <= RESIDUAL_KEPT:
+        return None
+    grown = float(np.abs(piece_maps(problem, problem.evaluate(u)[1])).max())
+    told = f"residual: {left:.1e} of the orbit's size is left of the equations"
+    return f"{told}; a change of a segment's start grows {grown:.1e} times over it"
 
 
 def goes_twice(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> bool:
