@@ -142,9 +142,9 @@ def searched(
         known = _matched(at, before[0].tolist()), at, _matched(at, last.tolist())
         if steady(known, (lengths[0], lengths[1]), tests):
             return False
-    beside = spectra(np.array([ASIDE, 1.0 - ASIDE]))
-    ends = Spectrum(first, beside[0], ASIDE), Spectrum(last, beside[1], -ASIDE)
-    return several_critical(spectra, *ends, tests)
+    start, centre, end = spectra(np.array([ASIDE, 0.5, 1.0 - ASIDE]))
+    ends = Spectrum(first, start, ASIDE), Spectrum(last, end, -ASIDE)
+    return several_critical(spectra, *ends, tests, centre=centre)
 
 
 def several_critical(
@@ -155,6 +155,7 @@ def several_critical(
     most: int | None = None,
     *,
     touches: bool = False,
+    centre: NDArray[np.complex128] | None = None,
 ) -> bool | None:
     """Return whether values become critical at more than one place of a step in the same way; None if it is not known.
 
@@ -170,8 +171,10 @@ def several_critical(
         Parts of the step that are looked at before it is not known; by default as many as it takes.
     touches : bool
         Whether the first function is known to vanish twice, as where a value touches 1 on a branch of doubled period.
+    centre : ndarray, optional
+        The values in the middle of the step, where these are known.
     """
-    centre = spectra(np.array([0.5]))[0]
+    centre = spectra(np.array([0.5]))[0] if centre is None else centre
     if not all(np.all(np.isfinite(values)) for values in (centre, *first[:2], *last[:2])):
         return None
     zeros: list[list[float]] = [[], [], []]

@@ -15,7 +15,7 @@ import numpy as np
 
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.floquet import multiplier_errors, nontrivial, with_errors
-from saltus.scales import EPS, Verdict, zero
+from saltus.scales import EPS, ILL_CONDITIONED, Verdict, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,8 +34,14 @@ def algebraic_error(self: Any, name: Monitor, point: Point) -> float:
     if name.kind not in (*self.critical, "zeros", "flips", "pairs"):
         return 0.0
     own = self.monitor(name, _at(self, point, point.u, 0))
-    values = [self.monitor(name, nudged) for nudged in _nudged(self, point)]
-    return max((abs(value - own) for value in values), default=0.0) if math.isfinite(own) else math.inf
+    if not math.isfinite(own):
+        return math.inf
+    error = 0.0
+    for nudged in _nudged(self, point):
+        error = max(error, abs(self.monitor(name, nudged) - own))
+        if error < ILL_CONDITIONED * abs(own):  # half of the digits are clear: no other pattern leaves none
+            break
+    return error
 
 
 def _nudged(self: Any, point: Point) -> Iterator[Point]:
