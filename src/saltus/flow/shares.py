@@ -6,6 +6,7 @@ its own size. docs/theory/flow.md, "States that never cross zero", explains it.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +40,8 @@ def shares_of(compiled: Compiled, p: NDArray[np.float64]) -> NDArray[np.float64]
         Parameters, extended or not.
     """
     kinds, own = compiled.kinds, set(compiled.kinds.tolist())
+    if own == {PLAIN}:
+        return compiled.whole.copy()
     shares = np.where(kinds == FACE, 0.0, compiled.whole)
     for kind, value in ((SUPPLIED, 0.0), (EXPONENTIAL, 1.0)):
         if kind not in own:
@@ -70,7 +73,10 @@ def small_groups(compiled: Compiled, sizes: NDArray[np.float64], shares: NDArray
     shares : ndarray, shape (all states,)
         Those of `shares_of`.
     """
-    found, free = shares.copy(), (compiled.groups >= 0) & (compiled.kinds == PLAIN)
+    found = shares.copy()
+    if max(compiled.groups.tolist(), default=-1) < 0:
+        return found
+    free = (compiled.groups >= 0) & (compiled.kinds == PLAIN)
     for group in set(compiled.groups[free].tolist()):
         members = free & (compiled.groups == group)
         if 0.0 < sizes[members].max() < _SMALL:
@@ -94,10 +100,10 @@ def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64])
     """
     from saltus.flow.kernels.state import BOUND
 
-    own = np.abs(p[: compiled.n_parameters])
-    numbers = np.concatenate([[1.0], compiled.numbers, own[(own > 0.0) & np.isfinite(own)]])
-    largest = max(float(numbers.max()) / float(numbers.min()), float(np.abs(x).max(initial=0.0)))
-    return min(max(BOUND, _BEYOND * largest), _LARGEST)
+    numbers = [1.0, *compiled.numbers.tolist(), *map(abs, p[: compiled.n_parameters].tolist())]
+    known = [number for number in numbers if 0.0 < number < math.inf]
+    largest = max(max(known) / min(known), float(np.abs(x).max(initial=0.0)))
+    return float(min(max(BOUND, _BEYOND * largest), _LARGEST))
 
 
 def with_shares(addresses: NDArray[np.int64], shares: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -28,6 +28,8 @@ def opposites(system: HybridSystem) -> NDArray[np.int64]:
     """Return for a way out of a mode that slides the way out to the other side; -1 for other transitions."""
     found = np.full(len(system.transitions), -1)
     surfaces = {mode.surface for mode in system.modes.values() if mode.surface is not None}
+    if not surfaces:
+        return found
     for name, mode in system.modes.items():
         ways = [k for k, t in enumerate(system.transitions) if t.source == name and t.event not in surfaces]
         if mode.surface is not None and len(ways) == 2:
