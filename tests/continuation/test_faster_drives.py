@@ -251,6 +251,42 @@ def test_random_drives_have_the_multipliers_of_the_rewritten_phase(seed):
     assert np.allclose(np.sort_complex(a.multipliers), np.sort_complex(b.multipliers), atol=1e-8)
 
 
+def _kicked(angle, rate):
+    kick = Transition("m", "m", f"sin({angle})", 1, {"v": "v + 0.4*(1 + 0.3*x)"}, name="kick")
+    return HybridSystem(("x", "v"), {"w": 1.3}, {"m": Mode({"x": "v", "v": "-x - 0.2*v"})}, [kick], phase=("s", rate))
+
+
+def _beam(angle, rate):
+    field = {"x": "v", "v": f"0.3*cos({angle}) - x - 0.1*v", "y": "u", "u": f"0.3*cos({angle}) - 40*y - 0.2*u"}
+    hit = Transition("m", "m", "x + y - 0.3", 1, {"v": "-0.7*v", "u": "-0.7*u"}, name="hit")
+    return HybridSystem(("x", "v", "y", "u"), {"w": 1.2}, {"m": Mode(field)}, [hit], phase=("s", rate))
+
+
+def _stiff(angle, rate):
+    return HybridSystem.smooth({"x": f"-1e4*(x - cos({angle}))", "y": "x - y"}, {"w": 1.0}, phase=("s", rate))
+
+
+@pytest.mark.parametrize(
+    ("make", "shift", "count"),
+    guarding(
+        [(_kicked, "", 2), (_kicked, "", 3), (_kicked, " - 1", 2), (_beam, "", 3), (_stiff, "", 4)],
+        (_kicked, "", 3), (_beam, "", 3),
+    ),
+)  # fmt: skip
+def test_kicks_at_phase_zero_beams_and_stiff_flows_have_the_period_of_the_drive(make, shift, count):
+    own, other = make(f"{count}*s{shift}", f"w/{count}"), make(f"s{shift}", "w")
+    start = np.zeros(len(own.states))
+    a, b = find_orbit(own, x0=start), find_orbit(other, x0=start)
+    assert a.period == pytest.approx(b.period, rel=1e-12)
+    assert np.allclose(a.x0, b.x0, atol=1e-10)
+    assert np.allclose(np.sort_complex(a.multipliers), np.sort_complex(b.multipliers), atol=1e-10)
+    assert verify(a).passed
+    ends = [simulate(one, {}, [*start, phase], t_end=20.3) for one, phase in ((own, 1.0 / count), (other, 1.0))]
+    assert np.allclose(ends[0].x_end[:-1], ends[1].x_end[:-1], atol=1e-10)
+    assert count * ends[0].x_end[-1] == pytest.approx(ends[1].x_end[-1], abs=1e-10)
+    assert len(ends[0].events) == len(ends[1].events)
+
+
 def test_motions_and_their_phase_go_back_to_zero_after_a_period_of_the_drive():
     system = PAIRS["well, three times"][0]
     assert "modulo 2 pi/3, in which the drive repeats" in repr(system)
