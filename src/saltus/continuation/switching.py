@@ -196,7 +196,7 @@ def _parameter(point: SpecialPoint) -> tuple[int, float]:
 
 def doubled_orbit(point: SpecialPoint, level: int = 0) -> PeriodicOrbit:
     """Return the orbit of doubled period beside a period doubling, the `level`-th of a cascade, counted from 0."""
-    if point.tangent is not None:  # of the drive's period, which is a part of a turn: a branch point of the turn's map
+    if point.tangent is not None:  # of a file over turns of the phase, in which the drive repeats: a branch point there
         return _other(point)
     orbit = point.orbit
     problem, u = orbit.problem(), orbit.unknowns
@@ -211,7 +211,7 @@ def doubled_orbit(point: SpecialPoint, level: int = 0) -> PeriodicOrbit:
         signature = Signature(form.modes * 2, form.transitions * 2, form.kinds + kinds, 2 * form.turns)
         again = u.copy()
         if orbit.system.phase is not None:
-            again[n - 1 :: n + 1] += 2.0 * math.pi * form.turns
+            again[n - 1 :: n + 1] += orbit.system.turn * form.turns
         start, direction = np.concatenate([u, again]), np.concatenate([q, -q])
     index, scale = _parameter(point)
     start, direction = np.append(start, orbit_value(orbit, index) / scale), np.append(direction, 0.0)

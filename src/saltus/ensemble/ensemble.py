@@ -119,7 +119,7 @@ class Ensemble:
         self.left_over, self.periods, self.periods_alone, self.rate = 0, 0, 0, 0.0
         if interval is None:
             self.rate = phase_rate(system, self.p, system.full_state(np.zeros(self.n)), 0)
-        self.period = 2.0 * math.pi / self.rate if interval is None else interval
+        self.period = system.turn / self.rate if interval is None else interval
 
     def strobe(
         self, points: ArrayLike, modes: ArrayLike | None = None, count: int = 1

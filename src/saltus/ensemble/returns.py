@@ -249,12 +249,12 @@ class ManyReturns:
             return None
         x = np.array(run.x)
         if self.system.phase is not None:
-            x[-1] %= 2.0 * math.pi
+            x[-1] %= self.system.turn
         return replace(start, x=x, mode=run.mode, before=run.time)
 
     def _period(self, start: Start, rate: float) -> float:
         if self.system.phase is not None:
-            return 2.0 * math.pi / rate
+            return self.system.turn / rate
         interval = self.interval if start.interval is None else start.interval
         assert interval is not None
         return interval

@@ -162,7 +162,7 @@ def _unit(system: HybridSystem, wish: Wish) -> float:
     if system.phase is None:
         return 1.0
     states = np.zeros((1, len(system.all_states)))
-    return 2.0 * np.pi / float(evaluate(system, system.phase[1], states, 0, wish.parameters)[0])
+    return system.turn / float(evaluate(system, system.phase[1], states, 0, wish.parameters)[0])
 
 
 def segments_of(orbit: Any) -> Any:

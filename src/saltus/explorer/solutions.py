@@ -163,9 +163,9 @@ def _cut(
     modes: list[int],
     ends: list[NDArray[np.float64]],
 ) -> Path:
-    """Return curves, cut where an angle passes 2 pi, with the last vertices of those that end at events."""
+    """Return curves, cut where the phase goes back to 0, with the last vertices of those that end at events."""
     phase = None if system.phase is None else system.phase[0]
-    cut = [unwrapped_parts(curve, [name == phase for name in names]) for curve in curves]
+    cut = [unwrapped_parts(curve, [name == phase for name in names], system.turn) for curve in curves]
     told = [mode for mode, parts in zip(modes, cut, strict=True) for _ in parts]
     return Path(
         [part for parts in cut for part in parts], told, np.reshape([curve[-1] for curve in ends], (-1, len(names)))

@@ -89,8 +89,10 @@ def spectrum(
     coords: dict[str, Any] = {"frequency": ("frequency", *frequency)}
     if phase is not None:
         orders = lines / (round(periods) if fits else periods)
+        count = motion.system.drive_repeats
+        angle = phase[0] if count == 1 else f"{count}*{phase[0]}"
         coords = {
-            "order": ("order", orders, {"long_name": f"frequency / rate of {phase[0]}"}),
+            "order": ("order", orders, {"long_name": f"frequency / rate of {angle}"}),
             "frequency": ("order", *frequency),
         }
     attrs = {

@@ -13,7 +13,7 @@ import numpy as np
 
 from saltus.errors import InputError, nearest
 from saltus.system.evaluate import check_expression, read_expression
-from saltus.system.periodicity import is_periodic
+from saltus.system.periodicity import check_phase_in, is_periodic
 
 if TYPE_CHECKING:
     from saltus.system.definition import Definition
@@ -187,12 +187,14 @@ def read_observable(system: Definition, name: str) -> Observable:
         return Observable(kind, of)
     if kind not in ("amplitude", "phase"):
         check_expression(system, of)
+        check_phase_in(system, of)
         return Observable(kind, of)
     of, _, number = of.rpartition(",")
     order = re.fullmatch(r"\s*(\d+)\s*(?:/\s*(\d+)\s*)?", number)
     if order is None or int(order[1]) == 0 or (order[2] is not None and int(order[2]) == 0):
         raise InputError("observable", name, f"{_FORMS[kind]} with an order > 0, a whole number or a fraction of two")
     check_expression(system, of.strip())
+    check_phase_in(system, of)
     return Observable(kind, of.strip(), Fraction(int(order[1]), int(order[2] or 1)))
 
 

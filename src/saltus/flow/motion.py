@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["EventDrivenMotion", "check_tolerances", "how_long", "start_state", "tolerances_of"]
 
-_TWO_PI = 2.0 * math.pi
 _EVENTS_KEPT = 1024  # events between two clearances of their buffer
 _BUDGET = 1 << 12  # steps of one call of the kernel
 _MOST = np.iinfo(np.int64).max  # a count that is never reached
@@ -120,7 +119,7 @@ class EventDrivenMotion:
         self.least_decay = 0.0  # rate of decay below which steps stay explicit, however many
         self.slopes, self.size, self._guess = np.zeros(16 * n), np.abs(x), np.zeros(14 * n)
         if system.phase is not None:
-            self.size[-1] = _TWO_PI
+            self.size[-1] = system.turn
         self.numbers = np.zeros(kernels.N_NUMBERS)
         self.counts = np.zeros(kernels.N_COUNTS, np.int64)
         self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
@@ -143,7 +142,8 @@ class EventDrivenMotion:
         counts = n, states, len(system.modes), len(system.transitions)
         return (
             kernels.System(
-                self.addresses, self.transitions, clocks(system), opposites(system), self.p, self.rate, *counts
+                self.addresses, self.transitions, clocks(system), opposites(system), self.p, self.rate,
+                system.turn, *counts,
             ),
             kernels.Tolerances(self.rtol, self.atol, self.limit, *self._ways),
             kernels.State(
@@ -386,17 +386,17 @@ class EventDrivenMotion:
 
 
 def start_state(system: HybridSystem, x0: StateLike, mode: str | None = None) -> NDArray[np.float64]:
-    """Return a full state at which a motion may be started, its phase on [0, 2 pi).
+    """Return a full state at which a motion may be started, its phase within the first period of the drive.
 
-    A phase that is 2 pi but for rounding becomes one just below 0, before the events at phase 0.
+    A phase at the end of the period but for rounding becomes one just below 0, before the events at phase 0.
     """
     from saltus.flow.kernels.state import AT_WRAP
 
     x = system.full_state(x0, mode=mode)
     if system.phase is not None:
-        x[-1] %= _TWO_PI
-        if x[-1] > _TWO_PI - AT_WRAP:
-            x[-1] -= _TWO_PI
+        x[-1] %= system.turn
+        if x[-1] > system.turn - AT_WRAP:
+            x[-1] -= system.turn
     return x
 
 

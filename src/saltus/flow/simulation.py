@@ -132,7 +132,7 @@ def simulate(
     t_end : float
         End of the motion as a time.
     periods : int
-        End of the motion as a number of periods of the phase. Exactly one of `t_end` and `periods` is given.
+        End of the motion as a number of periods of the drive. Exactly one of `t_end` and `periods` is given.
     tolerance : float or (float, float), optional
         Relative tolerance of a step, between 1e-14 and 0.1, or a pair of relative and absolute tolerance. By default
         the absolute tolerance is 1e-12. Where a state stays below 1e-2 all along the motion, 1e-12 is

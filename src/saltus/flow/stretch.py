@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from saltus.system.angles import TURN
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -38,7 +40,8 @@ class Motion:
     states: States  # full states, shape (m, all states), for indices of steps (m,) and fractions (m,)
     # time, index of the transition and rate of the event function before, of each event
     crossings: Sequence[tuple[float, int, float]]
-    angle: tuple[float, float]  # the phase at time 0, and its rate; it runs on beyond 2 pi
+    # angle of harmonics at time 0, 2 pi in a period of the drive, and its rate; it runs on beyond 2 pi
+    angle: tuple[float, float]
     turns: int | None = None  # periods of the angle after which the motion repeats; None where it does not
     rotating: tuple[str, ...] = ()  # angles among the states that make turns before the motion repeats
     tolerance: float = 1e-10  # relative, of the steps
@@ -94,6 +97,12 @@ class Motion:
             turns=None,
             extremes={},
         )
+
+
+def angle_of(system: HybridSystem, phase: float, rate: float) -> tuple[float, float]:
+    """Return the angle of harmonics, 2 pi in a period of the drive, and its rate, from those of the phase."""
+    faster = TURN / system.turn
+    return faster * phase, faster * rate
 
 
 def dense_states(

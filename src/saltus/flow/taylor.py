@@ -147,7 +147,7 @@ class TaylorRun:
             self._keep_returns(run, discard, kept)
             if wait < math.inf and run.events_passed == events:
                 break
-            scale = 2.0 * math.pi / self.rate if self.rate > 0.0 else max(run.time, run.numbers[run.kernels.STEP])
+            scale = self.system.turn / self.rate if self.rate > 0.0 else max(run.time, run.numbers[run.kernels.STEP])
             wait = kernels.CROWD * scale
         self._helped += run.tries
         self.x[:-1] = run.x

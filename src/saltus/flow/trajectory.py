@@ -17,12 +17,12 @@ from saltus.flow.amplitude_spectrum import Window, spectrum
 from saltus.flow.event_tables import code_of, event_table, indices_of
 from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Estimate, estimate, observe
-from saltus.flow.stretch import Motion, dense_states
+from saltus.flow.stretch import Motion, angle_of, dense_states
 from saltus.flow.touches import Touch, held_touches, touch_table
 from saltus.result import Result, frozen
-from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
 from saltus.system.own_states import absent_states
+from saltus.system.periodicity import evaluate_along
 from saltus.system.plain import held_parameters, held_system
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ class Trajectory(Result):
         """
         times = self._times(t)
         flat = np.atleast_1d(times)
-        values = evaluate(self.system, expression, self(flat), self._modes_at(flat), self.parameters)
+        values = evaluate_along(self.system, expression, self(flat), self._modes_at(flat), self.parameters)
         return values if times.ndim else float(values[0])
 
     @cached_property
@@ -215,7 +215,7 @@ class Trajectory(Result):
         if self.system.phase is not None:
             p = self.system.parameter_vector(self.parameters)
             rate = self.system.compiled.field(int(self.step_modes[0]), self.step_starts[0].copy(), p)[-1]
-            angle = (float(self.step_starts[0, -1]), float(rate))
+            angle = angle_of(self.system, float(self.step_starts[0, -1]), float(rate))
         return Motion(
             system=self.system,
             parameters=self.parameters,
@@ -253,7 +253,7 @@ class Trajectory(Result):
         ----------
         *names : str
             As ``"max(force)"`` or ``"amplitude(z, 1)"``; `saltus.flow.observables` lists them. A harmonic is taken
-            over the last whole periods of the phase within the stretch.
+            over the last whole periods of the drive within the stretch.
         t_start, t_end : float, optional
             Begin and end of the stretch; by default the whole trajectory.
         errors : bool, optional
@@ -287,10 +287,10 @@ class Trajectory(Result):
         expression : str
             As `output` takes it.
         t_start, t_end : float, optional
-            Begin and end of the stretch. By default the last whole periods of the phase; the whole trajectory without a
+            Begin and end of the stretch. By default the last whole periods of the drive; the whole trajectory without a
             phase or a whole period.
         samples : int, optional
-            Number of equidistant times, 2 or more; by default 256 a period of the phase, or 8 a step without a phase.
+            Number of equidistant times, 2 or more; by default 256 a period of the drive, or 8 a step without a phase.
         window : {"none", "hann"}, optional
             Window that multiplies the samples. By default none where the stretch is a whole number of periods, else
             Hann's. Hann's window spreads a line over three frequencies and removes its leakage far away.
@@ -299,7 +299,7 @@ class Trajectory(Result):
         -------
         xarray.DataArray
             Amplitudes: of a line that of its sine, at frequency 0 the mean. They are against ``order``, the frequency
-            over the rate of the phase; ``frequency`` is the angular frequency. Without a phase they are against
+            over that of the drive; ``frequency`` is the angular frequency. Without a phase they are against
             ``frequency``. Attributes give the stretch, the window and the number of samples.
             ``motion.spectrum("z").plot(yscale="log")`` draws the spectrum.
 

@@ -205,7 +205,7 @@ def growth_along(
         row_wraps = first + np.round(np.linspace(0, periods, min(ROWS, periods) + 1)).astype(np.int64)
         row_times = np.full(row_wraps.size, math.inf)
         run.most_steps = _STEPS_A_PERIOD * int(row_wraps[-1])
-        run.least_decay = _DECAY / (2.0 * math.pi * int(row_wraps[-1]) / run.rate)
+        run.least_decay = _DECAY / (system.turn * int(row_wraps[-1]) / run.rate)
     frame = np.zeros((len(system.all_states), columns))
     # any frame that no direction of the system is likely to be orthogonal to
     frame[:n] = np.linalg.qr(np.random.default_rng(0).standard_normal((n, columns)))[0]

@@ -317,7 +317,7 @@ def held(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, N
         row = u[: n + 1].copy()
         row[n] /= count
         rows = np.tile(row, (count, 1))
-        rows[:, n - 1] += 2.0 * math.pi * form.turns * np.arange(count) / count
+        rows[:, n - 1] += problem.system.turn * form.turns * np.arange(count) / count
         kinds = (form.kinds[0],) + (CUT_END,) * (count - 1)
         finer = _alike(problem, u, Signature(form.modes * count, form.transitions * count, kinds, form.turns))
         guess = np.concatenate([rows.ravel(), u[problem.size :]])
@@ -371,7 +371,7 @@ def in_shares(
         gone, share = divmod(begin, 1.0)
         row[:n] = problem.state_on(0, clustered(share))
         if phase is not None:
-            row[n - 1] += 2.0 * math.pi * problem.signature.turns * gone
+            row[n - 1] += problem.system.turn * problem.signature.turns * gone
         row[n] *= rounds * period / total
     return np.concatenate([rows.ravel(), u[problem.size :]])
 

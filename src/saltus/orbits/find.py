@@ -84,7 +84,7 @@ def find_orbit(
 ) -> PeriodicOrbit | MapOrbit:
     """Return the periodic orbit on which a motion settles.
 
-    The motion is simulated until it recurs after 1 to 16 periods of the phase (or, in an autonomous system, after a
+    The motion is simulated until it recurs after 1 to 16 periods of the drive (or, in an autonomous system, after a
     cycle of events, or on a section across the motion where there are none); its signature is read off and the orbit
     corrected by Newton's method. What is found is stable and near the motion. A motion of a map is iterated until it
     recurs after 1 to 256 iterations.
@@ -194,7 +194,7 @@ def _search_forced(
     failure, ended = "", None
     # the first look takes its periods, however few `settle` asks for
     spent, most = 0, int(_STEPS * max(longest, batch + 2 * _LONGEST + 1))
-    floor, size, period = np.zeros(x.size), np.ones(x.size), 2.0 * math.pi / phase_rate(system, p, x, mode)
+    floor, size, period = np.zeros(x.size), np.ones(x.size), system.turn / phase_rate(system, p, x, mode)
     while done < longest and ended is None:
         kept = STEPS_KEPT if done == 0 else 0
         runs = [_begun(system, p, x, mode, (atol, limit), most - spent, kept)]
@@ -228,7 +228,9 @@ def _search_forced(
             recurrence = min(recurrence, gap)
             if gap < RECURS:
                 try:
-                    orbit = _once_round(system, converge(system, *_read_forced(log, wraps, turns), p, tol), p, tol)
+                    orbit = _once_round(
+                        system, converge(system, *_read_forced(log, wraps, turns, system.turn), p, tol), p, tol
+                    )
                 except DefinitionError:
                     raise
                 except SaltusError as error:
@@ -284,8 +286,10 @@ def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float6
     return orbit if once is None else converge(system, *once, p, tol)
 
 
-def _read_forced(log: EventLog, wraps: NDArray[np.intp], turns: int) -> tuple[Signature, NDArray[np.float64]]:
-    """Return signature and unknowns of the last `turns` periods."""
+def _read_forced(
+    log: EventLog, wraps: NDArray[np.intp], turns: int, turn: float
+) -> tuple[Signature, NDArray[np.float64]]:
+    """Return signature and unknowns of the last `turns` periods, in each of which the phase goes on by `turn`."""
     first, last = wraps[-1 - turns], wraps[-1]
     period = float(log.time[last] - log.time[first])
     inside = np.arange(first + 1, last + 1)
@@ -293,7 +297,7 @@ def _read_forced(log: EventLog, wraps: NDArray[np.intp], turns: int) -> tuple[Si
     if not events.size:
         block = np.append(log.x_after[first], period)
         return Signature((int(log.mode_after[first]),), (-1,), (PHASE_END,), turns), block
-    wound = 2.0 * math.pi * np.cumsum(log.transition[inside] == -1)[events - first - 1]
+    wound = turn * np.cumsum(log.transition[inside] == -1)[events - first - 1]
     return cycle_of(log, events, period, wound, turns)
 
 

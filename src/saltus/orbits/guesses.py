@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +53,7 @@ def read_guess(
                 "period", period, "a duration beside x0=", "a system without a phase has no period of its own"
             )
         rate = float(system.compiled.field(0, system.full_state(x0, "x0"), p)[-1])
-        period = 2.0 * math.pi / rate
+        period = system.turn / rate
     mode = system.mode_names[0]
     return _read_segments(system, p, [(mode, None, system.full_state(x0, "x0"), checks.positive("period", period))])
 
@@ -86,16 +85,16 @@ def _read_segments(
             elif leaves_out_phase(x0, phase, (len(system.states), len(system.modes[mode].states or ()))):
                 x[-1] = elapsed
             else:
-                x[-1] += 2.0 * math.pi * round((elapsed - x[-1]) / (2.0 * math.pi))
+                x[-1] += system.turn * round((elapsed - x[-1]) / system.turn)
             elapsed += rate * duration
         blocks[i, :n], blocks[i, n] = x, duration
     turns = 0
     if phase is not None:
-        turns = round((elapsed - blocks[0, n - 1]) / (2.0 * math.pi))
+        turns = round((elapsed - blocks[0, n - 1]) / system.turn)
         if turns < 1:
             wanted = "durations that sum to a whole number of forcing periods, at least one"
             raise InputError(
-                "segments", float(blocks[:, n].sum()), wanted, f"the forcing period is {2 * math.pi / rate:g}"
+                "segments", float(blocks[:, n].sum()), wanted, f"the forcing period is {system.turn / rate:g}"
             )
     if transitions[-1] < 0 and len(segments) > 1:
         if modes[-1] != modes[0]:
@@ -105,7 +104,7 @@ def _read_segments(
         last = blocks[-1].copy()
         last[n] += blocks[0, n]
         if phase is not None:
-            last[n - 1] -= 2.0 * math.pi * turns
+            last[n - 1] -= system.turn * turns
         blocks = np.vstack([last, blocks[1:-1]])
         modes, transitions = modes[:-1], transitions[:-1]
     if any(transition < 0 for transition in transitions[: None if len(transitions) > 1 else 0]):

@@ -12,6 +12,7 @@ import numpy as np
 from saltus.errors import InputError
 from saltus.orbits.stability.critical import closing, scaling
 from saltus.scales import AT_CRITICAL, COEFFICIENT_ROUNDED
+from saltus.system.angles import TURN
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,8 +33,9 @@ class NormalForm:
     """Normal form of the Poincare map at a critical orbit, on its centre manifold."""
 
     type: str  # ``SN``: x -> x + a x^2; ``PD``: x -> -x + c x^3; ``TR``: z -> exp(i angle) z (1 + d abs(z)^2)
-    # a, c, or the real part of d. The critical eigenvector has unit length in the states (and the phase) at the first
-    # segment's start. Another length keeps the signs of c and d; a changes sign with the eigenvector.
+    # a, c, or the real part of d. The critical eigenvector has unit length at the first segment's start, in the states
+    # and the phase, of which a period of the drive has 2 pi. Another length keeps the
+    # signs of c and d; a changes sign with the eigenvector.
     coefficient: float
     angle: float  # angle of the critical multipliers, in radians
     # how many multipliers are critical at once, or pairs. With more than one, coefficient and angle are NaN.
@@ -147,7 +149,9 @@ def null_vectors(
     matrix = equations[:, None] * (J[:, :size] + (1.0 - mu) * B) * columns
     left, _, right = np.linalg.svd(matrix)
     q, p = columns * right[-1].conj(), equations * left[:, -1].conj()
-    head = q[: problem.n]
+    head = q[: problem.n].copy()
+    if problem.system.phase is not None:
+        head[-1] *= TURN / problem.system.turn
     q = q / np.linalg.norm(head)
     turn = head[int(np.argmax(np.abs(head)))]
     q *= abs(turn) / turn

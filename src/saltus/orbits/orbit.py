@@ -168,7 +168,7 @@ class PeriodicOrbit(Solution):
     @cached_property
     def repeats(self) -> int:
         """How many times the states repeat themselves while the phase turns once, as driven by ``cos(2*s)``."""
-        return repeats_of(self.problem(), self.unknowns)
+        return repeats_of(self.system, self.form.turns, self.rounds) if self.system.drive_repeats > 1 else 1
 
     @cached_property
     def coincidences(self) -> tuple[tuple[str, ...], ...]:
@@ -380,7 +380,7 @@ class PeriodicOrbit(Solution):
         )
         dataset.attrs |= {
             "definition": json.dumps(self.system.definition()), "parameters": json.dumps(dict(self.parameters)),
-            "form": json.dumps([self.form.modes, self.form.transitions, self.form.kinds, self.form.turns]),
+            "form": json.dumps(self.form.as_list(self.system)),
             **{name: getattr(self, name) for name in ("period", "residual", "faults", "tolerance")},
             **{name: int(getattr(self, name)) for name in ("stable", "admissible", "implicit")},
         }  # fmt: skip
@@ -400,7 +400,7 @@ class PeriodicOrbit(Solution):
         return cls(
             system,
             held_parameters(held, system),
-            signature_from(held.json("form", list)),
+            signature_from(held.json("form", list), system),
             held.array("segment_state", ("segment", "state")),
             durations,
             complex_of(*(held.array(f"multiplier_{part}", ("multiplier",), finite=False) for part in ("re", "im"))),
@@ -419,14 +419,14 @@ class PeriodicOrbit(Solution):
         kind += f", not admissible ({'; '.join(self.reasons)})" * (not self.admissible)
         turns = f" = {self.form.turns} forcing period{'s' if self.form.turns > 1 else ''}" if self.form.turns else ""
         rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
-        faster = drive_text(self.system, self.repeats)
+        faster = drive_text(self.system)
         fixed = f"  fixed       {self.fixed}\n" * (self.fixed is not None)
         at_once = "".join(f"  at once     {', '.join(names)}\n" for names in self.coincidences)
         fixed += "".join(f"  conserved   {name} = {value:.9g}\n" for name, value in self.conserved.items())
         fixed += "  flow        stiff, by implicit steps\n" if self.implicit else ""
         return (
             f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
-            f"  period      {self.period:.12g}{turns}{faster}{rounds}\n"
+            f"  period      {self.period:.12g}{turns}{rounds}{faster}\n"
             f"  signature   {path_of(self.signature)}\n{at_once}{fixed}"
             f"  x0          [{', '.join(f'{value:.6g}' for value in self.x0)}]\n"
             f"  |multipliers| {', '.join(f'{abs(value):.6g}' for value in self.multipliers)}\n"

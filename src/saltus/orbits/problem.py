@@ -113,6 +113,7 @@ class OrbitProblem(Discretised):
                 transitions=self.transitions,
                 kinds=self.kinds,
                 turns=self.signature.turns,
+                turn=self.system.turn,
                 rooted=compiled.limits.astype(np.int64),
                 active=self._active,
                 scales=self.scales,
@@ -164,7 +165,7 @@ class OrbitProblem(Discretised):
         self.state_scale = np.maximum(np.maximum(np.max(np.abs(blocks[:, : self.n]), axis=0), self._least), 1e-300)
         self.state_scale[at_rest(self.state_scale, self._moves)] = self.state_scale.max()
         if self.system.phase is not None:
-            self.state_scale[-1] = 2.0 * math.pi
+            self.state_scale[-1] = self.system.turn
         self.conserving.keep(blocks[0], self.parameters_at(u), self.state_scale)
         self._surface_rows = surface_rows(self.system, self.modes, blocks, self.extended, self.state_scale)
         self._set_absolute_tolerance()

@@ -53,6 +53,7 @@ class Orbit(NamedTuple):
     transitions: NDArray[np.int64]
     kinds: NDArray[np.int64]
     turns: int  # forcing periods in one period
+    turn: float  # angle of the phase in one of them
     rooted: NDArray[np.int64]  # shape (modes,): 1 where a mode's field has roots that vanish on a surface, else 0
     active: NDArray[np.int64]  # parameters among the unknowns
     scales: NDArray[np.float64]  # shape (active,): their units

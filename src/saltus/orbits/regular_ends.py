@@ -33,10 +33,11 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
         np.argmax(blocks[:, n] >= (1.0 - 1e-6) * blocks[:, n].max())
     )  # ties go to the first, whatever the rounding
     if problem.system.phase is not None:
-        blocks[:first, n - 1] += 2.0 * math.pi * signature.turns
+        blocks[:first, n - 1] += problem.system.turn * signature.turns
     blocks = np.roll(blocks, -first, axis=0)
     if problem.system.phase is not None:
-        blocks[:, n - 1] -= 2.0 * math.pi * math.floor(blocks[0, n - 1] / (2.0 * math.pi) + 1e-12)
+        turn = problem.system.turn
+        blocks[:, n - 1] -= turn * math.floor(blocks[0, n - 1] / turn + 1e-12)
     modes = np.roll(signature.modes, -first)
     transitions = np.roll(signature.transitions, -first)
     kinds = [EVENT_END]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,7 +11,6 @@ from saltus.orbits.exactness import computed_finer, point_errors
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.scales import FINEST, ROUNDED_ROUNDS, ROUNDS_ALIKE, Verdict, same
 from saltus.system.angles import wrapped
-from saltus.system.periodicity import drive_repeats
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,8 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["divided", "drive_text", "repeats_of", "rounds_of", "shortest"]
 
-_LOOKS = 8  # places in each part of a period at which states are compared
-_LIKELY = 4  # primes by which a phase may be faster than its drive
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)  # factors of a count of rounds
 
 
@@ -64,51 +60,17 @@ def _error(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
     return float(np.max(point_errors(problem, u)[:, :states] / problem.state_scale[:states]))
 
 
-def repeats_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
-    """Return how many times the states of a forced orbit repeat themselves while the phase turns once.
-
-    It is more than 1 where the phase runs through several periods of the drive, as in ``cos(2*s)``. Of an orbit that
-    takes several turns, or rests, it is 1.
-    """
-    if problem.signature.turns != 1:
-        return 1
-    problem, u = whole(*(computed_finer(problem, u) or (problem, u)))
-    n = problem.n
-    survey, states = problem.survey(u), len(problem.system.states)
-    ranges = (survey.highs - survey.lows)[:states]
-    if np.all(ranges <= ROUNDED_ROUNDS * problem.state_scale[:states]):
-        return 1
-    known = ROUNDS_ALIKE * ranges + ROUNDED_ROUNDS * problem.state_scale[:states]
-    blocks, count = u[: problem.size].reshape(problem.segments, n + 1), 1
-    for prime in _PRIMES[:_LIKELY]:
-        while _repeats(problem, blocks, count * prime, known):
-            count *= prime
-    return count
+def repeats_of(system: HybridSystem, turns: int, rounds: int) -> int:
+    """Return how often the states of an orbit of some forcing periods and rounds repeat while the phase turns once."""
+    count = system.drive_repeats
+    once = max(turns // rounds, 1)
+    return 1 if count % once else count // once
 
 
-def drive_text(system: HybridSystem, repeats: int) -> str:
-    """Return words for an orbit that repeats several times while the phase turns once; none for others."""
-    count = 1 if repeats == 1 or system.phase is None else drive_repeats(system)
-    told = f", in which the motion repeats itself {repeats} times, as its drive does" * (repeats > 1)
-    return (
-        f"{told}; the drive repeats {count} times per turn of {system.phase[0]}" if count > 1 and system.phase else told
-    )
-
-
-def _repeats(problem: OrbitProblem, blocks: NDArray[np.float64], count: int, known: NDArray[np.float64]) -> bool:
-    """Return whether the states after a part of the period are the same, up to `known`, all along an orbit."""
-    states, signature = known.size, problem.signature
-    if signature.kinds[0] == PHASE_END:
-        times = np.arange(_LOOKS * count) / (_LOOKS * count)
-        seen = np.array([problem.state_on(0, clustered(share))[:states] for share in times.tolist()])
-        return bool(np.all(np.abs(np.roll(seen, -_LOOKS, axis=0) - seen) <= known))
-    part, rest = divmod(problem.segments, count)
-    shifted = np.roll(blocks, -part, axis=0)
-    same = not rest and all(
-        np.array_equal(np.roll(one, -part), one) for one in (signature.modes, signature.transitions)
-    )
-    alike = np.all(np.abs(shifted[:, :states] - blocks[:, :states]) <= known)
-    return bool(same and alike and np.all(np.abs(shifted[:, -1] - blocks[:, -1]) <= ROUNDS_ALIKE * blocks[:, -1].sum()))
+def drive_text(system: HybridSystem) -> str:
+    """Return words for a drive that repeats several times while the phase turns once; none for others."""
+    count = system.drive_repeats
+    return f"; the drive repeats {count} times per turn of {system.all_states[-1]}" if count > 1 else ""
 
 
 class _Rounds(NamedTuple):
@@ -129,7 +91,7 @@ class _Rounds(NamedTuple):
         share = max(float(np.max(sizes / self.problem.state_scale)), ROUNDS_ALIKE)
         allowed = np.append(sizes, share * self.period)
         if self.problem.system.phase is not None:
-            allowed[-2] = 2.0 * math.pi * share
+            allowed[-2] = self.problem.system.turn * share
         return allowed
 
     def mean(self, active: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64]]:
@@ -200,7 +162,7 @@ def _parted(problem: OrbitProblem, u: NDArray[np.float64], count: int, known: Su
     else:
         rounds = blocks.reshape(count, part, n + 1).copy()
     if problem.system.phase is not None:
-        rounds[:, :, n - 1] -= (2.0 * math.pi * turns / count) * np.arange(count)[:, None]
+        rounds[:, :, n - 1] -= (problem.system.turn * turns / count) * np.arange(count)[:, None]
     places = problem.system.angle_places
     rounds[1:] = rounds[0] + wrapped(rounds[1:] - rounds[0], places) if places.size else rounds[1:]
     once = Signature(modes, transitions, kinds, turns // count)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -109,6 +109,11 @@ class Signature:
         if not 0 <= self.turns < _MOST_TURNS:
             raise InputError("signature's turns", self.turns, f"between 0 and {_MOST_TURNS}")
 
+    def as_list(self, system: HybridSystem) -> list[Any]:
+        """Return plain data: modes, transitions, ends, periods of the drive, and how many of these a turn has."""
+        count = system.drive_repeats
+        return [self.modes, self.transitions, self.kinds, self.turns, *([count] if count > 1 else [])]
+
     def names(self, system: HybridSystem) -> tuple[tuple[str, str], ...]:
         """Return (mode, transition) names; a segment that ends with the period names the phase, or nothing."""
         closing = "" if system.phase is None else system.phase[0]
@@ -134,12 +139,18 @@ class Signature:
         return Signature(modes, transitions, kinds, self.turns)
 
 
-def signature_from(parts: Any) -> Signature:
-    """Return the signature of a file: lists of modes, transitions and ends, and the number of turns."""
-    if not isinstance(parts, list) or len(parts) != 4 or not all(isinstance(part, list) for part in parts[:3]):
-        raise InputError("signature", parts, "lists of modes, transitions and ends, and a number of turns")
+def signature_from(parts: Any, system: HybridSystem) -> Signature:
+    """Return the signature of a file, as `Signature.as_list` writes it; earlier files count turns of the phase."""
+    if not isinstance(parts, list) or len(parts) not in (4, 5) or not all(isinstance(part, list) for part in parts[:3]):
+        raise InputError("signature", parts, "lists of modes, transitions and ends, and a number of periods")
     modes, transitions, kinds = map(tuple, parts[:3])
-    return Signature(modes, transitions, kinds, parts[3])
+    turns, known = parts[3], parts[4] if len(parts) == 5 else 1
+    signature = Signature(modes, transitions, kinds, turns)
+    if known == system.drive_repeats:
+        return signature
+    if known != 1:
+        raise InputError("signature's drive", known, f"1, or the {system.drive_repeats} times that the drive repeats")
+    return replace(signature, turns=turns * system.drive_repeats)
 
 
 def path_of(signature: tuple[tuple[str, str], ...]) -> str:

@@ -256,9 +256,9 @@ def _has_it(system: HybridSystem, signature: Signature, p: NDArray[np.float64], 
     if wish.quantity.kind != "period" or wish.free or system.phase is None:
         return False
     rate = float(system.compiled.field(0, np.zeros(len(system.all_states)), p)[-1])
-    period = 2.0 * math.pi * signature.turns / rate
+    period = system.turn * signature.turns / rate
     if not scales.near(wish.value, period, 0.0, scales.SOLVED):
-        allowed = f"{period:.12g}, the period of the drive over {signature.turns} turns"
+        allowed = f"{period:.12g}, {signature.turns} periods of the drive"
         raise InputError("fix['period']", wish.value, allowed, "another period needs a parameter to free, as free='w'")
     return True
 

@@ -286,13 +286,13 @@ def _(branch: Branch, x: str, y: str, phase: float) -> NDArray[np.float64]:
     wide, ahead = len(branch.system.all_states) + 1, np.full(len(branch), np.nan)
     for i, (u, at) in enumerate(zip(branch.unknowns, branch.form.tolist(), strict=True)):
         form = branch.forms[at]
-        half, starts = np.pi * max(form.turns, 1), u[wide - 2 :: wide]
+        half, starts = 0.5 * branch.system.turn * max(form.turns, 1), u[wide - 2 :: wide]
         before = np.roll(form.transitions, 1)  # the transition with which each segment starts
-        first = 2.0 * np.pi * np.ceil(starts[0] / (2.0 * np.pi) - 1e-13)  # the phase 0 at which `x0` is
+        first = branch.system.turn * np.ceil(starts[0] / branch.system.turn - 1e-13)  # the phase 0 at which `x0` is
         away = (starts[[k >= 0 and resets[k] for k in before]] - first - phase + half) % (2.0 * half) - half
         if away.size:
             ahead[i] = away[np.argmin(np.abs(away))]
-    passed = (ahead[1:] * ahead[:-1] < 0.0) & (np.abs(ahead[1:] - ahead[:-1]) < 0.5 * np.pi)
+    passed = (ahead[1:] * ahead[:-1] < 0.0) & (np.abs(ahead[1:] - ahead[:-1]) < 0.25 * branch.system.turn)
     leaps[passed] = ahead[:-1][passed] / (ahead[:-1] - ahead[1:])[passed]
     return leaps
 

@@ -19,6 +19,7 @@ from saltus.maps import MapOrbit
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_pieces, pieces_of
 from saltus.plotting.map_orbit import at_each_point, turned_orbit
+from saltus.system.angles import TURN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -74,7 +75,7 @@ def plot_cascade(
         piece
         for first, sheets in zip(branches, levels, strict=True)
         for j, branch in enumerate(sheets)
-        for piece in pieces_of(branch, x, y, 2.0 * math.pi * _turns(first) * j / len(sheets))
+        for piece in pieces_of(branch, x, y, _wound(first) * j / len(sheets))
     ]
     places = _doublings(cascade, levels, x, y) if special else []
     ax = style.axes(ax)
@@ -115,14 +116,14 @@ def _(solution: MapOrbit) -> list[MapOrbit]:
 
 
 @singledispatch
-def _turns(branch: Any) -> int:
-    """Return how many periods of the phase the period of a branch's orbits has."""
-    return 1
+def _wound(branch: Any) -> float:
+    """Return the angle by which the phase goes on in the period of a branch's orbits."""
+    return TURN
 
 
-@_turns.register(Branch)
-def _(branch: Branch) -> int:
-    return max(branch.forms[0].turns, 1) if branch.forms else 1
+@_wound.register(Branch)
+def _(branch: Branch) -> float:
+    return float(branch.system.turn) * (max(branch.forms[0].turns, 1) if branch.forms else 1)
 
 
 @singledispatch

@@ -12,7 +12,7 @@ from saltus.orbits.observables.sampling import followed
 from saltus.plotting import plot, style
 from saltus.system import angles
 from saltus.system.angles import TURN
-from saltus.system.evaluate import evaluate
+from saltus.system.periodicity import evaluate_along
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -86,8 +86,10 @@ def segments_of(orbit: PeriodicOrbit, names: Sequence[str]) -> tuple[list[NDArra
     system = orbit.system
     times, states, modes_at = followed(orbit.problem(), orbit.unknowns)
     if system.phase is not None:
-        states[:, -1] %= 2.0 * math.pi
-    columns = [times if name == "t" else evaluate(system, name, states, modes_at, orbit.parameters) for name in names]
+        states[:, -1] %= system.turn
+    columns = [
+        times if name == "t" else evaluate_along(system, name, states, modes_at, orbit.parameters) for name in names
+    ]
     ends = np.flatnonzero(np.diff(times) <= 0.0) + 1
     return np.split(np.column_stack(columns), ends), [int(part[0]) for part in np.split(modes_at, ends)]
 
@@ -158,14 +160,14 @@ def _cut_at_pi(curve: NDArray[np.float64], column: int) -> list[NDArray[np.float
 def _draw_curve(
     ax: Axes, system: HybridSystem, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, *, named: bool
 ) -> None:
-    """Draw a curve, shape (vertex, 2), in the colour of a mode, cut where an angle passes 2 pi; thick where sliding."""
+    """Draw a curve, shape (vertex, 2), in the colour of a mode, cut where the phase wraps; thick where sliding."""
     from matplotlib import rcParams
 
     name = system.mode_names[mode]
     slides = system.modes[name].surface is not None
     label = "_" if named else name if name == _SLIDING or not slides else f"{name} ({_SLIDING})"
     width = rcParams["lines.linewidth"] * (_THICKER if slides else 1.0)
-    for part in unwrapped_parts(curve, wrapped):
+    for part in unwrapped_parts(curve, wrapped, system.turn):
         ax.plot(part[:, 0], part[:, 1], color=style.colour_of_mode(mode), linewidth=width, label=style.plain(label))
         label = "_"
 
@@ -177,21 +179,23 @@ def draw_jump(ax: Axes, before: NDArray[np.float64], after: NDArray[np.float64],
         ax.plot([before[0], after[0]], [before[1], after[1]], ":", color="0.5", linewidth=0.9, label="_", zorder=1)
 
 
-def unwrapped_parts(curve: NDArray[np.float64], wrapped: Iterable[bool]) -> list[NDArray[np.float64]]:
-    """Return a curve, shape (vertex, quantity), cut where an angle passes 2 pi; parts are extended to 2 pi and 0."""
+def unwrapped_parts(
+    curve: NDArray[np.float64], wrapped: Iterable[bool], turn: float = TURN
+) -> list[NDArray[np.float64]]:
+    """Return a curve, shape (vertex, quantity), cut where an angle passes `turn`; parts are extended to it and to 0."""
     breaks: set[int] = set()
     for column, angle in enumerate(wrapped):
         if angle:
-            breaks |= set((np.flatnonzero(np.diff(curve[:, column]) < -math.pi) + 1).tolist())
+            breaks |= set((np.flatnonzero(np.diff(curve[:, column]) < -0.5 * turn) + 1).tolist())
     parts = [part.copy() for part in np.split(curve, sorted(breaks))]
     for column, angle in enumerate(wrapped):
         for i in range(len(parts) - 1 if angle else 0):
             left, right = parts[i][-1], parts[i + 1][0]
             ahead = right.copy()
-            ahead[column] += 2.0 * math.pi
-            share = (2.0 * math.pi - left[column]) / max(ahead[column] - left[column], 1e-300)
+            ahead[column] += turn
+            share = (turn - left[column]) / max(ahead[column] - left[column], 1e-300)
             middle = left + min(max(share, 0.0), 1.0) * (ahead - left)
-            middle[column] = 2.0 * math.pi
+            middle[column] = turn
             parts[i] = np.vstack([parts[i], middle])
             middle = middle.copy()
             middle[column] = 0.0

@@ -11,7 +11,7 @@ from saltus.flow.trajectory import Trajectory
 from saltus.plotting import plot, style
 from saltus.plotting.orbit import circles_of, draw_curves, draw_jump
 from saltus.system import angles
-from saltus.system.evaluate import evaluate
+from saltus.system.periodicity import evaluate_along
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -130,5 +130,5 @@ def _column(
     lengths = [len(t) for _, t, _ in stretches]
     states = np.concatenate([states for _, _, states in stretches])
     modes = np.repeat([mode for mode, _, _ in stretches], lengths)
-    values = evaluate(trajectory.system, name, states, modes, trajectory.parameters)
+    values = evaluate_along(trajectory.system, name, states, modes, trajectory.parameters)
     return np.split(values, np.cumsum(lengths)[:-1])

@@ -106,7 +106,7 @@ class LyapunovSpectrum(Result):
 
     @property
     def period(self) -> float:
-        """Period of the phase; 1 for a map.
+        """Period of the drive; 1 for a map.
 
         Raises
         ------
@@ -118,11 +118,11 @@ class LyapunovSpectrum(Result):
         if self.system.phase is None:
             raise InputError("system", self.system.name, "one with a phase", "its exponents are per unit of time only")
         rate = flowing(self.system).field(self.mode_end, self.x_end, parameters=self.parameters)[-1]
-        return 2.0 * math.pi / float(rate)
+        return flowing(self.system).turn / float(rate)
 
     @property
     def per_period(self) -> NDArray[np.float64]:
-        """Exponents times the period of the phase: those of the stroboscopic map, shape (exponent,)."""
+        """Exponents times the period of the drive: those of the stroboscopic map, shape (exponent,)."""
         return np.asarray(self.exponents * self.period)
 
     @property

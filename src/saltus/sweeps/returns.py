@@ -21,7 +21,7 @@ from saltus.flow.starting import phase_rate, starting_mode
 from saltus.flow.variational import Average, Growth, frame_tolerance, growth_along
 from saltus.sweeps.section import Section, on_section
 from saltus.system import HybridSystem
-from saltus.system.angles import on_circles, wrapped
+from saltus.system.angles import TURN, on_circles, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -306,7 +306,7 @@ class FlowReturns:
         """Return states whose recurrence is looked at, and differences of them that are rounding."""
         states, rounding = found.states, self._rounding(p, found, time)
         if self.system.phase is not None:
-            angle = states[:, -1:]
+            angle = states[:, -1:] * (TURN / self.steady.turn)
             round_ = () if self.section is None else (np.cos(angle), np.sin(angle))
             states = np.hstack([states[:, :-1], *round_])
             rounding = np.append(rounding[:-1], [self.criteria.noise * (self.atol + self.rtol)] * len(round_))
@@ -369,8 +369,8 @@ class FlowReturns:
             phase_rate(self.system, p, self.x0, 0)
 
     def _period(self, p: NDArray[np.float64]) -> float:
-        """Period of the phase."""
-        return 2.0 * math.pi / phase_rate(self.system, p, self.x0, 0)
+        """Period of the drive."""
+        return self.system.turn / phase_rate(self.system, p, self.x0, 0)
 
     def _rounding(self, p: NDArray[np.float64], found: PoincareReturns, time: float) -> NDArray[np.float64]:
         """Return the differences of full states that are rounding, from their sizes over a mean return."""

@@ -36,6 +36,7 @@ from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped
 from saltus.system.evaluate import check_expression, evaluate
 from saltus.system.maps import checked_system, flowing
+from saltus.system.periodicity import check_phase_in
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -132,6 +133,7 @@ class Task:
         quantities = tuple(system.states if options.quantities is None else options.quantities)
         for text in quantities:
             check_expression(system, text)
+            check_phase_in(system, text)
         motions.check_observables(options.observables)
         settings = motions.described() | {
             "discard": options.discard,

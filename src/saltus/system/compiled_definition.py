@@ -6,10 +6,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from saltus.system import compiled
+from saltus.system.angles import TURN
 from saltus.system.definition import Definition
 from saltus.system.generated import source_file
 from saltus.system.integrals.laws import NONE
-from saltus.system.periodicity import check_angles
+from saltus.system.periodicity import check_angles, drive_repeats, faded_modes
 
 if TYPE_CHECKING:
     from saltus.system.compiled import Compiled, CompiledSecond, CompiledThird
@@ -23,6 +24,7 @@ class CompiledDefinition(Definition):
 
     def _prepare(self) -> None:
         check_angles(self)
+        self.modes = faded_modes(self)
         source_file(compiled.FLOW, self)
         self._second: dict[tuple[int, ...], CompiledSecond] = {}
 
@@ -30,6 +32,23 @@ class CompiledDefinition(Definition):
     def compiled(self) -> Compiled:
         """The compiled functions; of a map ``field`` is the image of a piece, and ``vary`` its derivative."""
         return compiled.load(self)
+
+    @property
+    def drive_repeats(self) -> int:
+        """How many times the drive repeats while the phase turns once, as 2 for ``cos(2*s)``; 1 without a phase.
+
+        The formulas tell it. Outputs count, too: an output ``cos(s)`` has the period of a whole turn.
+        """
+        return drive_repeats(self)
+
+    @cached_property
+    def turn(self) -> float:
+        """Angle of the phase in a period of the drive, which is where it goes back to 0: 2 pi over `drive_repeats`."""
+        return TURN / self.drive_repeats
+
+    def _circle(self) -> str:
+        count = self.drive_repeats
+        return "modulo 2 pi" if count == 1 else f"modulo 2 pi/{count}, in which the drive repeats"
 
     @property
     def laws(self) -> Laws:

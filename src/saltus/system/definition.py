@@ -414,12 +414,16 @@ class Definition:
                 raise DefinitionError("angles", name, wanted, hint or nearest(name, self.states))
         return np.array([i for i, name in enumerate(self.states) if name in self.angles], dtype=np.int64)
 
+    def _circle(self) -> str:
+        """Words for where the phase goes back to 0."""
+        return "modulo 2 pi"
+
     def __str__(self) -> str:
         kind = type(self).__name__
         lines = [f"{kind} {self.name!r}" if self.name else kind]
         lines.append(f"  states      {', '.join(self.states)}")
         if self.phase is not None:
-            lines.append(f"  phase       {self.phase[0]}' = {self.phase[1]}, modulo 2 pi")
+            lines.append(f"  phase       {self.phase[0]}' = {self.phase[1]}, {self._circle()}")
         if self.angles:
             lines.append(f"  angles      {', '.join(self.angles)}, modulo 2 pi")
         lines.append(f"  parameters  {', '.join(f'{key} = {value!r}' for key, value in self.parameters.items())}")

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from saltus.errors import DefinitionError
 from saltus.system.cache import cache_folder, let_numba_cache, read_checked, warn_not_kept, write_checked
+from saltus.system.periodicity import fade_rates
 
 if TYPE_CHECKING:
     from saltus.system.definition import Definition
@@ -63,6 +64,7 @@ def _file(kind: Kind, system: Definition, variant: tuple[object, ...]) -> Path:
     mathematics["parameters"] = list(system.parameters)
     for key in ("positive", "parameter_bounds"):
         mathematics.pop(key)
+    mathematics |= {"fades": fades} if (fades := fade_rates(system)) else {}
     versions = [_digest(kind.sources), version("numba"), version("sympy"), sys.version_info[:2]]
     text = json.dumps([mathematics, *versions, kind.name, *variant])
     digest = hashlib.sha256(text.encode()).hexdigest()[:20]

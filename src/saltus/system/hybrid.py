@@ -42,7 +42,8 @@ class HybridSystem(CompiledDefinition):
         Jumps between them.
     phase : (str, expression), optional
         Name and rate of an angle: ``theta' = w`` on the circle, ``0 <= theta < 2 pi``, in every mode. It is the last
-        component of the full state; expressions must have the period 2 pi in it. Phase 0 is the natural section.
+        component of the full state; expressions must have the period 2 pi in it. Phase 0 is the natural section. Where
+        all of them repeat several times in 2 pi, as for ``cos(2*theta)``, ``theta`` goes back to 0 each time.
     outputs : mapping of str to expression (or to a mapping of mode to expression), optional
         Named quantities that results record.
     groups : mapping of str to sequence of str, optional

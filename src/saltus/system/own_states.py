@@ -20,10 +20,10 @@ from saltus.system.parts import Mode, Transition
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["absent_states", "completed_mode", "completed_transition"]
+__all__ = ["absent_states", "completed_mode", "completed_transition", "faded"]
 
 _ABSENT = "0"  # value of a state that a mode lacks
-# Rate, over that of the phase, at which a disturbance of such a state fades: an orbit without a mode that has the state
+# Rate, over that of the drive, at which a disturbance of such a state fades: an orbit without a mode that has the state
 # would be one of a family otherwise.
 _DECAYS = 6
 
@@ -56,12 +56,16 @@ def completed_mode(key: str, mode: Mode, states: tuple[str, ...], phase: tuple[s
     lacking = [name for name in states if name not in mode.states]
     if extra := [name for name in lacking if name in mode.field]:
         raise DefinitionError(where, extra[0], f"one of its states: {', '.join(mode.states)}")
-    rate = "1" if phase is None else f"{_DECAYS}*({phase[1]})"
     texts = [*mode.field.values(), *(text for text in (mode.domain, mode.surface) if text is not None)]
     _check_known(where, texts, lacking, f"mode {key!r}")
     own = tuple(name for name in states if name in mode.states)
-    fading = {name: f"-({rate})*{name}" for name in lacking}
-    return replace(mode, field={**mode.field, **fading}, states=own if lacking else None)
+    return faded(replace(mode, states=own if lacking else None), lacking, phase)
+
+
+def faded(mode: Mode, lacking: Iterable[str], phase: tuple[str, str] | None, repeats: int = 1) -> Mode:
+    """Return a mode in which states that it lacks fade within a period of the drive, which a turn has so many of."""
+    rate = "1" if phase is None else f"{_DECAYS * repeats}*({phase[1]})"
+    return replace(mode, field={**mode.field, **{name: f"-({rate})*{name}" for name in lacking}})
 
 
 def completed_transition(transition: Transition, modes: Mapping[str, Mode], states: tuple[str, ...]) -> Transition:

@@ -1,6 +1,7 @@
 """Periods of a definition's expressions: 2 pi in angles, and how often its drive repeats in a turn.
 
-How often a drive repeats is told by the harmonics of the phase in all formulas. A formula is a Laurent polynomial in
+How often a drive repeats is told by the harmonics of the phase in all formulas. Most systems repeat once, which values
+at random states show. Where these agree a part of the turn on, harmonics decide. A formula is a Laurent polynomial in
 ``z = exp(i*phase)``, whose coefficients know no phase. Its harmonics are the exponents. A function of a formula repeats
 as often as that. Parameters are symbols: a harmonic is absent only where its coefficient is 0 whatever their values.
 What is no such polynomial repeats once.
@@ -13,27 +14,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.errors import DefinitionError
+from saltus.errors import DefinitionError, InputError
 from saltus.system.angles import TURN
-from saltus.system.evaluate import read_expression
+from saltus.system.evaluate import check_expression, evaluate, read_expression
 from saltus.system.expressions import parse
 from saltus.system.grammar import clipped
 from saltus.system.once import once
+from saltus.system.own_states import faded
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     import sympy
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from saltus.system.definition import Definition
+    from saltus.system.parts import Mode
 
-__all__ = ["check_angles", "drive_repeats", "is_periodic"]
+__all__ = [
+    "check_angles", "check_phase_in", "drive_repeats", "evaluate_along", "fade_rates", "faded_modes", "is_periodic",
+    "repeats_with_drive",
+]  # fmt: skip
 
 _SAMPLES = 24  # states at which an expression is compared with itself a turn on
 _ALIKE = 1e-9  # difference a turn on, over the largest value seen, up to which an expression has the period
 _WIDTHS = (0.3, 1.0, 3.0)  # sizes of the states of the samples
 _SEED = 2718281828
+_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)  # parts of a turn that are looked at
 _LARGEST = 2000  # operations of a formula from which on its harmonics are not looked for
 
 
@@ -145,19 +152,97 @@ def drive_repeats(system: Definition) -> int:
     """
     if system.phase is None:
         return 1
+    name = system.phase[0]
+    texts = list(dict.fromkeys(text for text in _texts(system) if name in text))
+    if not texts or not _may_repeat(system, name, texts):
+        return 1
     import sympy
 
-    name = system.phase[0]
     names = (*system.all_states, *system.parameters)
     known = _Harmonics(sympy.Symbol(name, real=True))
     found = 0
-    for text in _texts(system):
-        if name not in text:
-            continue
+    for text in texts:
         found = math.gcd(found, known.repeats(parse(text, names, "formula")))
         if found == 1:
             return 1
     return max(found, 1)
+
+
+@once
+def repeats_with_drive(system: Definition, text: str) -> bool:
+    """Return whether an expression in states, parameters and outputs repeats as often as the drive does.
+
+    The phase by itself does: it is an angle on the drive's circle.
+    """
+    count = drive_repeats(system)
+    if count == 1 or system.phase is None or text.strip() == system.phase[0] or system.phase[0] not in text:
+        return True
+    import sympy
+
+    known = _Harmonics(sympy.Symbol(system.phase[0], real=True))
+    names = (*system.all_states, *system.parameters, *system.output_names)
+    return known.repeats(parse(text, names, "expression")) % count == 0
+
+
+def check_phase_in(system: Definition, text: str) -> None:
+    """Raise `InputError` where an expression repeats less often than the drive, on whose circle the phase is."""
+    if not repeats_with_drive(system, text):
+        count = drive_repeats(system)
+        hint = "an output of this formula makes the period of the system that of a whole turn"
+        allowed = f"one that repeats {count} times in a turn of the phase, as the drive does"
+        raise InputError("expression", clipped(text), allowed, hint)
+
+
+def evaluate_along(
+    system: Definition, text: str, states: ArrayLike, modes: ArrayLike, parameters: Mapping[str, float] | None = None
+) -> NDArray[np.float64]:
+    """Return what `saltus.system.evaluate.evaluate` does, of an expression that repeats as often as the drive."""
+    check_expression(system, text)
+    check_phase_in(system, text)
+    return evaluate(system, text, states, modes, parameters)
+
+
+def faded_modes(system: Definition) -> dict[str, Mode]:
+    """Return the modes, in which states that they lack fade within a period of the drive, as in a turn before."""
+    count = 1 if all(mode.states is None for mode in system.modes.values()) else drive_repeats(system)
+    if count == 1:
+        return system.modes
+    lacking = {
+        key: [] if mode.states is None else [name for name in system.states if name not in mode.states]
+        for key, mode in system.modes.items()
+    }
+    return {key: faded(mode, lacking[key], system.phase, count) for key, mode in system.modes.items()}
+
+
+def fade_rates(system: Definition) -> dict[str, dict[str, str]]:
+    """Return the rates of states that modes lack, which a definition does not have; none where a turn is a period."""
+    partial = {key: mode for key, mode in system.modes.items() if mode.states is not None}
+    if not partial or drive_repeats(system) == 1:
+        return {}
+    return {
+        key: {name: text for name, text in mode.field.items() if name not in (mode.states or ())}
+        for key, mode in partial.items()
+    }
+
+
+def _may_repeat(system: Definition, phase: str, texts: list[str]) -> bool:
+    """Return whether the values of formulas at random states agree a part of a turn on, for one part at least.
+
+    Formulas that have no value there do not tell.
+    """
+    chosen = np.random.default_rng(_SEED)
+    here = {name: chosen.uniform(0.3, 1.7, _SAMPLES) for name in (*system.parameters, *system.states)}
+    angle, parts = chosen.uniform(0.0, TURN, _SAMPLES), list(_PRIMES)
+    with np.errstate(all="ignore"):
+        for text in texts:
+            expression = read_expression(text, _names(system))
+            first = np.broadcast_to(expression.value(here | {phase: angle}), _SAMPLES)
+            size = float(np.max(np.abs(first), initial=0.0, where=np.isfinite(first)))
+            apart = ((part, expression.value(here | {phase: angle + TURN / part}) - first) for part in parts)
+            parts = [part for part, gaps in apart if not np.any(np.abs(gaps) > _ALIKE * size)]
+            if not parts:
+                return False
+    return True
 
 
 def _texts(system: Definition) -> Iterator[str]:

@@ -23,6 +23,7 @@ from saltus.scales import (
     VERIFIED_TOUCH,
     followed,
 )
+from saltus.system.angles import TURN
 from saltus.verification.motion import Calls, Piece, UnfollowedError, contacts, extremes, follow, projection, touching
 from saltus.verification.reference import Reference
 from saltus.verification.spectra import (
@@ -170,7 +171,7 @@ def _sizes(orbit: PeriodicOrbit) -> NDArray[np.float64]:
     n = len(orbit.system.all_states)
     sizes = np.maximum(np.abs(orbit.lows), np.abs(orbit.highs))[:n]
     if orbit.system.phase is not None:
-        sizes[-1] = 2.0 * math.pi
+        sizes[-1] = orbit.system.turn
     own = sizes[: len(orbit.system.states)]
     own[own <= RESTING * float(own.max())] = float(own.max()) or 1.0
     return np.asarray(sizes)
@@ -181,7 +182,7 @@ def _gap(orbit: PeriodicOrbit, i: int, end: NDArray[np.float64]) -> NDArray[np.f
     phase = () if orbit.system.phase is None else (orbit.system.phase[0],)
     for k, name in enumerate(orbit.system.all_states):
         if name in (*phase, *orbit.system.angles):
-            gap[k] = math.remainder(gap[k], 2.0 * math.pi)
+            gap[k] = math.remainder(gap[k], orbit.system.turn if name in phase else TURN)
     return np.asarray(gap)
 
 

@@ -103,7 +103,7 @@ def cage_of(
     p, index = system.parameter_vector(parameters), system.mode_index(mode)
     x = system.full_state(np.zeros(len(system.states)))
     rate = float(system.compiled.field(index, x, p)[-1]) if system.phase is not None else 0.0
-    part = linear_parts(system, p, rate, 2.0 * math.pi / rate if rate else math.inf).get(index)
+    part = linear_parts(system, p, rate, system.turn / rate if rate else math.inf).get(index)
     linear = None if part is None else _Linear.of(part)
     if linear is None:
         return None

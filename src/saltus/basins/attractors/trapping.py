@@ -207,7 +207,7 @@ def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArra
     log = events_after(system, p, x, mode, periods=len(points), tolerance=tolerance)
     wraps = log.transition < 0
     starts = np.vstack([x, log.x_after[:-1]])
-    starts[:, -1] += 2.0 * math.pi * np.append(0, np.cumsum(wraps)[:-1])
+    starts[:, -1] += system.turn * np.append(0, np.cumsum(wraps)[:-1])
     form = Signature(
         (mode, *log.mode_after[:-1].tolist()),
         tuple(log.transition.tolist()),

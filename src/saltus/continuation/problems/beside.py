@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -73,7 +72,7 @@ def seen_beside(problem: OrbitProblem, u: NDArray[np.float64], step: float, roun
     moved[-1] += step
     p, period = problem.parameters_at(moved), float(durations.sum())
     if system.phase is not None:
-        x[-1] %= 2.0 * math.pi
+        x[-1] %= system.turn
         period *= _rate(problem, x, problem.extended) / _rate(problem, x, system.compiled.extended(p))
     fresh = OrbitProblem(system, problem.signature, p, tol=problem.tol)
     try:
@@ -84,7 +83,7 @@ def seen_beside(problem: OrbitProblem, u: NDArray[np.float64], step: float, roun
             return None
         wound = None
         if system.phase is not None:
-            wound = 2.0 * math.pi * np.cumsum((log.transition == -1) & last)[events]
+            wound = system.turn * np.cumsum((log.transition == -1) & last)[events]
         signature, guess = cycle_of(log, events, period, wound, problem.signature.turns)
         fresh = OrbitProblem(system, signature, p, tol=problem.tol)
         solved, _ = solve_unknowns(fresh, guess)

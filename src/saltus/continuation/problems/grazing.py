@@ -5,7 +5,6 @@ docs/theory/continuation.md, "Change of signature at a grazing", says which sign
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -174,7 +173,7 @@ def _insert(
     if old.kinds[0] in (PHASE_END, CLOSED_END):
         rest[n] = duration
         for _, _, block in cut[1:]:
-            block[n - 1] += 2.0 * math.pi * old.turns
+            block[n - 1] += problem.system.turn * old.turns
         rows = [(mode, k, rest), *cut[1:]]
     else:
         same = [(m, t, b) for m, t, b in zip(old.modes, old.transitions, blocks, strict=True)]

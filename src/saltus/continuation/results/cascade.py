@@ -149,7 +149,7 @@ class Cascade(Doublings):
             "parameter": self.parameter,
             "parameters": json.dumps(dict(orbit.parameters)),
             "definition": json.dumps(self.system.definition()),
-            "start_form": json.dumps([form.modes, form.transitions, form.kinds, form.turns]),
+            "start_form": json.dumps(form.as_list(self.system)),
             "tolerance": orbit.tolerance,
             "stopped": self.stopped,
             "options": json.dumps(dict(self.options)),
@@ -175,7 +175,7 @@ class Cascade(Doublings):
 
 def _read_start(held: Contents, system: HybridSystem, parameter: str) -> SpecialPoint:
     """Return the first doubling in a cascade's file."""
-    form = signature_from(held.json("start_form", list))
+    form = signature_from(held.json("start_form", list), system)
     form.check(system)
     held.expect(**{"start.point": 1, "multiplier": system.freedom})
     own = [str(name) for name in held.dataset.data_vars if str(name).startswith("start.")]

@@ -80,7 +80,7 @@ class OrbitCurve(OrbitColumns):
         attrs = {
             **self._kept_attributes(),
             "columns": json.dumps(columns),
-            "forms": json.dumps([[f.modes, f.transitions, f.kinds, f.turns] for f in forms]),
+            "forms": json.dumps([form.as_list(self.system) for form in forms]),
             "signatures": json.dumps(signatures),
             "n_forms": len(self.forms),
             "tolerance": self.tolerance,
@@ -110,7 +110,7 @@ class OrbitCurve(OrbitColumns):
             held.names(name, wanted)
         expect_values(held, system, "multiplier", 1.0)
         held.size("point")
-        forms = [signature_from(form) for form in held.json("forms", list)]
+        forms = [signature_from(form, system) for form in held.json("forms", list)]
         for form in forms:
             form.check(system)
         n_forms = held.count("n_forms", most=len(forms))

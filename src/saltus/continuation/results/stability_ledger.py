@@ -231,6 +231,6 @@ def _away(curve: Any, point: Any) -> float | None:
     if point.type == "TR":
         pairs = values[values.imag > 0.0]
         return float(np.min(np.abs(np.abs(pairs) - 1.0), initial=math.inf))
-    # over a turn of the phase, the doubling of a drive that repeats in it is a branch point
+    # in a file over turns of the phase, the doubling of a drive that repeats in them is a branch point
     goal = -1.0 if point.type == "PD" and point.tangent is None else 1.0
     return float(np.min(np.abs(values - goal), initial=math.inf))

@@ -14,7 +14,6 @@ from saltus.continuation.core.zero_problem import Event, Examined, Point, start_
 from saltus.continuation.problems.changes import type_of_change
 from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead
 from saltus.continuation.problems.ends.closure import passes
-from saltus.continuation.problems.ends.drive_doubling import doubles_drive
 from saltus.continuation.problems.ends.period_halving import halved
 from saltus.continuation.problems.ends.shrinking import equilibrium_ahead
 from saltus.continuation.problems.ends.slowing import grazing_ahead
@@ -49,7 +48,6 @@ from saltus.errors import InputError
 from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.rounds import repeats_of
 from saltus.orbits.signature import ON_BORDER, Signature
 from saltus.orbits.stability.critical import solve_branch_point
 from saltus.orbits.stability.floquet import distance_from_circle
@@ -313,12 +311,6 @@ class OrbitRun(OneParameterRun):
             if name == "BP":
                 event = replace(event, point=self.sharpened(branch, point))
             half.specials.append(self.found(name, branch, event, half))
-            if name == "BP" and (count := doubles_drive(branch.problem, event.point.u)):
-                last = half.points[-1] if half.points else half.start
-                if repeats_of(last[0].problem, last[1].u) < count:
-                    return self.ends(half, branch, event.point, "the period halves")
-                name = "PD"
-                half.specials[-1] = replace(half.specials[-1], name=name)
             return self.end_at(half, branch, event.point, name)
         if any(s.name in CHANGES and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None

@@ -50,7 +50,6 @@ from saltus.flow.kernels.state import (
     STEP_UNDERFLOW,
     T_LOW,
     TRIES,
-    TWO_PI,
     UNBOUNDED,
     WRAPS,
     Crossings,
@@ -163,10 +162,10 @@ def _stride(system, state, left):
     phase = system.phase
     wraps, last = False, True
     if phase > 0.0:
-        to_wrap = (TWO_PI - state.x[system.n - 1]) / phase
-        if to_wrap <= left + 1e-13 * TWO_PI / phase:
+        to_wrap = (system.turn - state.x[system.n - 1]) / phase
+        if to_wrap <= left + 1e-13 * system.turn / phase:
             wraps = True
-            last = to_wrap >= left - 1e-13 * TWO_PI / phase
+            last = to_wrap >= left - 1e-13 * system.turn / phase
             left = to_wrap
     tried = state.numbers[STEP]
     ends = left <= 1.01 * tried
@@ -255,8 +254,8 @@ def _wrap_first(system, state, mode, events, room):
     for e in range(n):
         x[e] = y[e] = landing[e]
         state.size[e] = room.landing_size[e]
-    x[n - 1] -= TWO_PI
-    y[n - 1], landing[n - 1] = TWO_PI, 0.0
+    x[n - 1] -= system.turn
+    y[n - 1], landing[n - 1] = system.turn, 0.0
     state.counts[WRAPS] += 1
     state.counts[FIRED], state.counts[STARTING] = int64(-1), 1
     record_event(events, state, n, int64(-1), system.phase, y, landing, mode, mode)
@@ -312,7 +311,7 @@ def _happen(system, tolerances, state, mode, fired, events, room):
     counts[FIRED] = fired
     counts[EVENTS] += 1
     counts[STARTING] = 1
-    if chatters(counts, numbers, system.phase) or counts[HOP_RUN] > HOP_RUN_MOST:
+    if chatters(counts, numbers, system.phase, system.turn) or counts[HOP_RUN] > HOP_RUN_MOST:
         return CHATTERING
     return DONE
 
@@ -389,7 +388,7 @@ def _one_step(system, tolerances, state, goal, steps, events, work):
         record_step(steps, state, n, dt, mode, dense)
     advance(numbers, dt)
     _sides_after(system, state, mode, fired, fraction, crossings)
-    if system.phase > 0.0 and room.landing[n - 1] > TWO_PI - AT_WRAP:
+    if system.phase > 0.0 and room.landing[n - 1] > system.turn - AT_WRAP:
         _wrap_first(system, state, mode, events, room)
         return DONE
     return _happen(system, tolerances, state, mode, fired, events, room)

@@ -90,8 +90,8 @@ class System(NamedTuple):
         For a way out of a mode that slides along a surface the way out to the other side; -1 for other transitions.
     p : ndarray
         Parameters with the constants behind them.
-    phase : float
-        Rate of the phase, 0 without one.
+    phase, turn : float
+        Rate of the phase, 0 without one, and the angle after which it is back at 0, a period of the drive.
     n, n_states, n_modes, n_transitions : int
         Counts of all states, of those without the phase, of modes and of transitions.
     """
@@ -102,6 +102,7 @@ class System(NamedTuple):
     opposites: Integers
     p: Floats
     phase: float
+    turn: float
     n: int
     n_states: int
     n_modes: int
@@ -263,8 +264,8 @@ def system_pointers(system):
     """The record of a system with pointers."""
     return System(
         pointer(system.addresses, 0), pointer(system.transitions, 0), pointer(system.clocks, 0),
-        pointer(system.opposites, 0), pointer(system.p, 0), system.phase, system.n, system.n_states, system.n_modes,
-        system.n_transitions,
+        pointer(system.opposites, 0), pointer(system.p, 0), system.phase, system.turn, system.n, system.n_states,
+        system.n_modes, system.n_transitions,
     )  # fmt: skip
 
 
@@ -351,11 +352,11 @@ def record_touch(state, k, time):
 
 
 @njit(**INNER)
-def chatters(counts, numbers, phase):
+def chatters(counts, numbers, phase, turn):
     """Whether the event that ends a segment is one of infinitely many; the next segment's times are set."""
     outlined()
     duration = numbers[DURATION]
-    scale = TWO_PI / phase if phase > 0.0 else numbers[LONGEST]
+    scale = turn / phase if phase > 0.0 else numbers[LONGEST]
     still = duration <= 4.0 * EPSILON * max(scale, numbers[T])
     small = duration <= CHATTERING_DURATION * scale
     shrinking = still or duration < 0.9999 * numbers[LAST_BUT_ONE]

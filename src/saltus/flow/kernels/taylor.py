@@ -127,7 +127,7 @@ def _wrap(system, returns, motion, mode, landing, in_sigma, columns, after):
     n, n_states, x, numbers, counts = system.n, system.n_states, motion.x, motion.numbers, motion.counts
     c, order, stride, end = columns.c, columns.order, columns.stride, landing.end
     skip, room = returns.skip, returns.room
-    to_wrap = (TWO_PI - x[n - 1]) / system.phase
+    to_wrap = (system.turn - x[n - 1]) / system.phase
     if returns.at_wrap:
         counts[RETURNS] += 1
         numbers[RETURNED] = numbers[T]
@@ -151,7 +151,7 @@ def _wrap(system, returns, motion, mode, landing, in_sigma, columns, after):
                 counts[STARTING] = 1
                 counts[FIRED] = -1
                 return True
-    x[n - 1] -= TWO_PI
+    x[n - 1] -= system.turn
     return False
 
 
@@ -246,7 +246,7 @@ def _happen(system, forms, returns, motion, mode, landing, residual, crossings, 
     counts[MODE_BEFORE] = mode
     counts[FIRED] = fired
     counts[STARTING] = 1
-    scale = period(system.phase) if system.phase > 0.0 else numbers[T]
+    scale = period(system) if system.phase > 0.0 else numbers[T]
     counts[SMALL_RUN] = counts[SMALL_RUN] + 1 if numbers[DURATION] <= SMALL_DURATION * scale else 0
     numbers[DURATION] = 0.0
     return (
@@ -262,7 +262,7 @@ def _one_step(system, series, tolerances, returns, motion, columns, crossings, r
     if counts[STARTING] == 1 and not _begin(system, series.forms, motion, mode, 0.0, 0.0, room):
         return HELP
     h, in_sigma = expanded(system, series, tolerances, motion, mode, columns, room)
-    scale = period(phase) if phase > 0.0 else numbers[T]
+    scale = period(system) if phase > 0.0 else numbers[T]
     if not h > (0.0 if in_sigma else SHORTEST * scale) or not crossed(system, motion, mode, h, columns, crossings):
         return HELP
     if in_sigma and crossings.n_found[form] > 0 and system.transitions[3 * form + 2] == crossings.before[form]:
@@ -280,7 +280,7 @@ def _one_step(system, series, tolerances, returns, motion, columns, crossings, r
             is_cut = True
             landing = cut_short(system, motion, mode, h, APPROACH * landing.fraction, columns, crossings, room.y)
     fired, dt = landing.fired, landing.dt
-    if not (0.0 < dt <= period(phase)) and (fired < 0 or dt != 0.0):
+    if not (0.0 < dt <= period(system)) and (fired < 0 or dt != 0.0):
         # in sigma: longer than a period, or past a zero of w, where time runs back
         if not counts[SHORTER] < SHORTER_MOST:
             return HELP
@@ -294,7 +294,7 @@ def _one_step(system, series, tolerances, returns, motion, columns, crossings, r
             return HELP
     elif not _keeps_sides(system, mode, crossings, room):
         return HELP
-    if phase > 0.0 and x[n - 1] + phase * dt >= TWO_PI:
+    if phase > 0.0 and x[n - 1] + phase * dt >= system.turn:
         if _wrap(system, returns, motion, mode, landing, in_sigma, columns, room.after):
             return DONE
     counts[STEPS] += 1

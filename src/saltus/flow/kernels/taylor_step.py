@@ -246,7 +246,7 @@ def expanded(system, series, tolerances, motion, mode, columns, room):
         for _ in range(counts[SHORTER]):
             h *= 0.5
     else:
-        h = min(h, period(system.phase))
+        h = min(h, period(system))
         if numbers[STEP] > 0.0:
             h = min(h, MOST_GROWTH * numbers[STEP])
         first = 0 if h > GROWTH * numbers[STEP] else len(CHECKED) - 1
@@ -255,9 +255,9 @@ def expanded(system, series, tolerances, motion, mode, columns, room):
 
 
 @njit(**PART)
-def period(phase):
-    """Period of the phase, infinite without one."""
-    return TWO_PI / phase if phase > 0.0 else math.inf
+def period(system):
+    """Period of the drive, infinite without one."""
+    return system.turn / system.phase if system.phase > 0.0 else math.inf
 
 
 @njit(**PART)
@@ -298,7 +298,7 @@ def landed(system, form, motion, mode, h, in_sigma, columns, crossings, room):
             dt = end
         else:
             w, dt = y[n_states], y[n_states + 1]
-            if not (0.0 < dt <= period(system.phase)):
+            if not (0.0 < dt <= period(system)):
                 break
         if system.phase > 0.0:
             y[n_states] = x[n_states] + system.phase * dt
@@ -337,7 +337,7 @@ def residual_at(system, tolerances, motion, landing, room):
     residual, size, shares = abs(event[0]), 0.0, numbers_at(system.addresses[SHARES])
     for e in range(system.n_states):
         size = max(size, size_of(shares[e], y[e]))
-    if system.phase > 0.0 and abs(motion.x[system.n_states] + system.phase * landing.dt - TWO_PI) <= SAME:
+    if system.phase > 0.0 and abs(motion.x[system.n_states] + system.phase * landing.dt - system.turn) <= SAME:
         return math.nan
     if not residual <= LANDING * (tolerances.atol + tolerances.rtol * size):
         return math.nan

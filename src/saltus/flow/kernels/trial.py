@@ -6,7 +6,7 @@ import math
 
 from saltus.flow.kernels.implicit_step import REACH
 from saltus.flow.kernels.stages import state_error
-from saltus.flow.kernels.state import GUESSED, TWO_PI
+from saltus.flow.kernels.state import GUESSED
 from saltus.flow.kernels.step import FIELD, dense_output, full_step, step_factor
 from saltus.scales import SMALLEST
 from saltus.system.compiled import SHARES
@@ -47,7 +47,7 @@ def attempt(system, tolerances, state, mode, stride, room):
     accepted = error <= 1.0 and _keeps_signs(numbers_at(addresses[SHARES]), system.n_states, state.x, x_end)
     if accepted:
         if stride.wraps:
-            x_end[n - 1] = TWO_PI
+            x_end[n - 1] = system.turn
         call(addresses[FIELD], mode, 0, x_end, 0, p, slopes, 12 * n)
         for e in range(n):
             accepted = accepted and abs(slopes[12 * n + e]) < math.inf

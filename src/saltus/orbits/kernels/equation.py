@@ -167,7 +167,7 @@ def equations(orbit, mesh, phase, tolerances, u, F, J, errors):
             F[at] -= TURN * math.floor(F[at] / TURN + 0.5)
         last = row + n
         if piece.following == 0 and orbit.turns > 0:
-            F[last - 1] -= 2.0 * math.pi * orbit.turns
+            F[last - 1] -= orbit.turn * orbit.turns
         line = pointer(entries, last * width)
         if piece.mean:
             F[last] = _integrated(system, piece, end, line)

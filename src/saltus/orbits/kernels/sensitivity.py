@@ -9,7 +9,7 @@ import numpy as np
 from numba import int64
 
 from saltus.flow.kernels.segment import EVENT_P, EVENT_X, FIELD
-from saltus.orbits.kernels.equation import pointed
+from saltus.orbits.kernels.equation import TURN, pointed
 from saltus.orbits.kernels.variation import Path, View, curve_of, differentiate, look, rate_of, value_of
 from saltus.orbits.records import Mesh, Observed, Orbit, Seen
 from saltus.scales import EXTREME_SAMPLED, EXTREMES_TIED, JUMPED, ON_CORNER, QUANTITY_ERROR, SLOPES_ALIKE, TURNS_THERE
@@ -129,13 +129,14 @@ def observe(orbit, mesh, dense, u, du, observed, seen):
         period += start[i * (n + 1) + n]
         for k in range(columns):
             angle.period[k] += change[(i * (n + 1) + n) * columns + k]
+    faster = TURN / orbit.turn  # the angle of harmonics, over the phase
     if observed.phase:
         for k in range(columns):
-            angle.turn[k] = change[(n - 1) * columns + k]
+            angle.turn[k] = faster * change[(n - 1) * columns + k]
     begun, at = 0.0, int64(0)
     for i in range(system.segments):
         row, curve = i * (n + 1), curve_of(path, i, length)
-        clock = start[row + n], begun, period, max(orbit.turns, 1), start[n - 1] if observed.phase else 0.0
+        clock = start[row + n], begun, period, max(orbit.turns, 1), faster * start[n - 1] if observed.phase else 0.0
         longer = pointer(change, (row + n) * columns)
         for step in range(curve.count):
             s = curve.mesh[step]

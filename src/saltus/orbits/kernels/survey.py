@@ -63,9 +63,9 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         found.highs[q] = -np.inf
         for k in range(3):
             found.moments[3 * q + k] = 0.0
-    begun, turns, start = 0.0, max(orbit.turns, 1), u[n - 1] if events.phase else 0.0
-    bad, found_zero, head, steps = 0, False, 0, int64(0)
-    target = _first_zero(u[n - 1], transitions[segments - 1], orbit.turns) if events.phase else 0.0
+    begun, turns, start = 0.0, max(orbit.turns, 1), u[n - 1] * (TURN / orbit.turn) if events.phase else 0.0
+    bad, found_zero, head, steps, wound = 0, False, 0, int64(0), orbit.turn * orbit.turns
+    target = _first_zero(u[n - 1], transitions[segments - 1], orbit.turns, orbit.turn) if events.phase else 0.0
     once, instant = np.zeros(segments, np.int64), np.zeros(2 * view.transitions, np.int64)
     at_once, at_one, at_start = pointer(once, 0), pointer(instant, 0), pointer(instant, view.transitions)
     for i in range(segments):
@@ -82,7 +82,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         bad |= _followed(view, piece, curve, u, tolerances, room)
         add_moments(view, curve, begun, start, turns, room, found.moments)
         begun += piece.duration
-        bad |= _ended(view, piece, curve, u, (orbit.turns, orbit.angles), tolerances, room, pointer(found.rates, 4 * i))
+        bad |= _ended(view, piece, curve, u, (wound, orbit.angles), tolerances, room, pointer(found.rates, 4 * i))
         _unmet(found, i * view.transitions, view.transitions)
         if kinds[i] != CUT_END:
             head, steps = i, int64(0)
@@ -206,13 +206,13 @@ def _pointed(found):
 
 
 @njit(**INNER)
-def _first_zero(phase, last, turns):
-    """Return the first whole turn at or behind the phase at which an orbit starts; last: the transition that ends it."""
-    nearest = 2.0 * math.pi * math.floor(phase / (2.0 * math.pi) + 0.5)
+def _first_zero(phase, last, turns, turn):
+    """Return the first wrap at or behind the phase at which an orbit starts; last: the transition that ends it."""
+    nearest = turn * math.floor(phase / turn + 0.5)
     if last >= 0 and abs(phase - nearest) <= AT_WRAP:
         # the strobe looks before the jump at phase 0 that the orbit starts with, which is where the period ends
-        return nearest + 2.0 * math.pi * turns
-    return 2.0 * math.pi * math.ceil(phase / (2.0 * math.pi) - 1e-13)
+        return nearest + turn * turns
+    return turn * math.ceil(phase / turn - 1e-13)
 
 
 @njit(**INNER)
@@ -261,7 +261,7 @@ def _followed(view, piece, curve, u, tolerances, room):
 def _ended(view, piece, curve, u, closing, tolerances, room, rates):
     """Write a segment's row of `Found.rates`; return DIRECTION, WHEN and ROOT where they are due.
 
-    closing: forcing periods in the period, and the states on a circle.
+    closing: angle of the phase in the period, and the states on a circle.
     """
     outlined()
     functions, p, n, transition, following = view.functions, view.p, view.n, piece.transition, piece.following
@@ -271,13 +271,13 @@ def _ended(view, piece, curve, u, closing, tolerances, room, rates):
         x[e] = end[e]
     if transition >= 0 and piece.kind != TOUCH_END:
         call(functions[RESET], transition, 0, end, 0, p, x, 0)
-    turns, angles = closing
+    wound, angles = closing
     for k in range(angles.size):
         e = angles[k]
         x[e] -= TURN * math.floor((x[e] - u[following + e]) / TURN + 0.5)
     gap = 0.0
     for e in range(n):
-        turn = 2.0 * math.pi * turns if following == 0 and e == n - 1 else 0.0
+        turn = wound if following == 0 and e == n - 1 else 0.0
         gap = max(gap, abs(x[e] - u[following + e] - turn))
     rates[2], rates[3] = gap, 1.0
     if transition >= 0:

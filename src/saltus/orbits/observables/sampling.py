@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus import checks
-from saltus.flow.stretch import Motion, dense_states
+from saltus.flow.stretch import Motion, angle_of, dense_states
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.winding import rotating_of
 from saltus.system.evaluate import evaluate
@@ -76,7 +76,7 @@ def sample_orbit(problem: OrbitProblem, u: NDArray[np.float64], points: int = 40
     columns = dict(zip(system.all_states, states.T, strict=True))
     columns |= {name: evaluate(system, name, states, modes, parameters) for name in system.output_names}
     if system.phase is not None:
-        columns[system.phase[0]] = states[:, -1] % (2.0 * math.pi)
+        columns[system.phase[0]] = states[:, -1] % system.turn
     dataset = xr.Dataset({column_of(name): ("t", column) for name, column in columns.items()}, coords={"t": times})
     dataset["mode"] = ("t", modes)
     dataset["mode"].attrs["names"] = ", ".join(system.mode_names)
@@ -115,6 +115,7 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
             system.compiled.call("event", transition, 0, x, problem.extended, rate)
             crossings.append((float(ends[index]), transition, float(rate[1])))
     turns = form.turns or 1
+    start = 0.0 if system.phase is None else angle_of(system, float(blocks[0, n - 1]), 0.0)[0]
     return Motion(
         system=system,
         parameters=_parameters(problem, u),
@@ -123,7 +124,7 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
         spans=np.tile([0.0, 1.0], (len(s), 1)),
         states=lambda at, fractions: dense_states(steps.starts[at], steps.dense[at], fractions),
         crossings=crossings,
-        angle=(0.0 if system.phase is None else float(blocks[0, n - 1]), 2.0 * math.pi * turns / float(ends[-1])),
+        angle=(start, 2.0 * math.pi * turns / float(ends[-1])),
         turns=turns,
         rotating=rotating_of(problem, u),
         tolerance=problem.tol,

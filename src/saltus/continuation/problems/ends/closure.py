@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -34,7 +33,8 @@ def alongside(problem: OrbitProblem, u: NDArray[np.float64], other: NDArray[np.f
     """
     moved, n = u.copy(), problem.n
     if problem.system.phase is not None:
-        shift = 2.0 * math.pi * round(float(u[n - 1] - other[n - 1]) / (2.0 * math.pi))
+        turn = problem.system.turn
+        shift = turn * round(float(u[n - 1] - other[n - 1]) / turn)
         moved[n - 1 : problem.size : n + 1] -= shift
     for place in problem.system.angle_places:
         at = slice(place, problem.size, n + 1)
@@ -137,7 +137,7 @@ def _phases(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Poin
         if all(part[j:] + part[:j] == part for part in parts):
             turned = blocks.copy()
             if problem.system.phase is not None:
-                turned[:j, n - 1] += 2.0 * math.pi * signature.turns
+                turned[:j, n - 1] += problem.system.turn * signature.turns
             moved = origin.u.copy()
             moved[:size] = np.roll(turned, -j, axis=0).ravel()
             yield replace(origin, u=moved, tangent=np.zeros(0))
@@ -161,7 +161,7 @@ class _Round:
         places = zip(pieces.tolist(), within.tolist(), strict=True)
         states = np.array([problem.state_on(piece, clustered(place)) for piece, place in places])
         if problem.system.phase is not None:
-            states[:, -1] += 2.0 * math.pi * problem.signature.turns * rounds
+            states[:, -1] += problem.system.turn * problem.signature.turns * rounds
         return states
 
     def begun_at(self, share: float) -> Point:

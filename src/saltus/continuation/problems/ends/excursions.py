@@ -137,7 +137,7 @@ def _pushed(
         # so far before the surface that the velocity there is nine tenths of it
         x -= sizes * across * (way * 0.095 * speed * speed / (abs(curvature) * square))
     if system.phase is not None:
-        x[-1] %= 2.0 * math.pi
+        x[-1] %= system.turn
     return x
 
 

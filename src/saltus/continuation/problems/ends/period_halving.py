@@ -94,6 +94,6 @@ def _twice(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]
     else:
         second = first.copy()
         if problem.system.phase is not None:
-            second[:, n - 1] += 2.0 * math.pi * signature.turns
+            second[:, n - 1] += problem.system.turn * signature.turns
         both = np.vstack([first, second])
     return np.append(both, u[problem.size :])
