@@ -17,7 +17,7 @@ from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
 from saltus.flow.event_logs import events_after
-from saltus.flow.starting import phase_rate, starting_mode
+from saltus.flow.starting import allowed_modes, phase_rate, starting_mode
 from saltus.flow.transition_rows import jumps_at_phase_zero
 from saltus.flow.variational import Average, Growth, growth_along
 from saltus.system.angles import refuse
@@ -219,15 +219,22 @@ class Ensemble:
             return False
         return True
 
+    def allowing(self, points: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return from which points, shape (m, n), a motion may start in a mode; any may where the mode is negative."""
+        found = np.ones(len(points), np.bool_)
+        for i in np.flatnonzero(modes >= 0):
+            found[i] = modes[i] in allowed_modes(self.system, self.system.full_state(points[i]), self.p)
+        return found
+
     def starting_mode(self, x: NDArray[np.float64]) -> int:
         """Return the index of the mode in which a motion starts from a state; raise `InputError` without one."""
         return starting_mode(self.system, self.system.full_state(x), self.p)
 
-    def lacked(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def lacked(self, points: NDArray[np.float64], modes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
         """Return whether the mode in which a motion starts lacks each state, shape (m, n), as `points` has."""
         found = np.zeros(points.shape, np.bool_)
-        for row, x in zip(found, points, strict=True):
-            row[absent_states(self.system, self.starting_mode(x))] = True
+        for i, x in enumerate(points):
+            found[i, absent_states(self.system, self.starting_mode(x) if modes is None else int(modes[i]))] = True
         return found
 
     def growth(self, x: NDArray[np.float64], mode: int, periods: int, discard: int | None) -> Growth:

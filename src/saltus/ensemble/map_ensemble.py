@@ -185,7 +185,11 @@ class MapEnsemble:
         """Return 0: the state decides which piece holds."""
         return 0
 
-    def lacked(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def allowing(self, points: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return True for each point: the state decides which piece holds."""
+        return np.ones(len(points), np.bool_)
+
+    def lacked(self, points: NDArray[np.float64], modes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
         """Return whether a piece lacks each state, shape (m, n): none does."""
         return np.zeros(points.shape, np.bool_)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.basins.attractors.closed_sides import ClosedSides
 from saltus.basins.attractors.found import AttractorOptions, Found
 from saltus.ensemble.ensemble import Ensemble
 from saltus.errors import SaltusError
@@ -18,7 +19,7 @@ from saltus.system.maps import flowing
 from saltus.work import interrupt_waits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
@@ -69,6 +70,7 @@ class FollowedMotions:
         self.rng = np.random.default_rng(options.rng)
         self.found: list[Found] = []
         self.dropped: list[Found] = []
+        self.virtual: list[Found] = []
         self.astray = np.empty((0, len(low)))
         self.neutral = 0
         self.motions, self.reporter = options.motions or _MOTIONS, reporter or Reporter(False)
@@ -117,6 +119,26 @@ class FollowedMotions:
         x = np.random.default_rng(self.options.rng).uniform(self.low, self.high, (_STATES, len(self.low)))
         system = flowing(self.system)
         return any(len(list(allowed_modes(system, self.system.full_state(row), self.p))) > 1 for row in x)
+
+    @cached_property
+    def _closed_sides(self) -> ClosedSides:
+        return ClosedSides(flowing(self.system), self.p, self.low, self.high, self.scale)
+
+    def drop_virtual(self) -> None:
+        """Set aside what is no attractor, since no motion that meets its events comes there."""
+        self.virtual += [found for found in self.found if self.is_virtual(found)]
+        self.found = [found for found in self.found if found not in self.virtual]
+
+    def is_virtual(self, found: Found) -> bool:
+        """Return whether an attractor meets no event, and lies wholly beyond one to whose other side no motion comes.
+
+        A simulation that starts there stays there, since it does not meet an event that it is past already.
+        """
+        return not found.touches and len(found.visited) == 1 and self._closed_sides.hold(found.points, *found.visited)
+
+    def _beside(self, found: Found) -> Callable[[NDArray[np.float64]], bool]:
+        """Return what tells whether all of some states lie beyond the event that a virtual set lies beyond."""
+        return lambda x: self._closed_sides.hold(x, *found.visited)
 
     @property
     def spent(self) -> float:

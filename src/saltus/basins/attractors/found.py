@@ -143,6 +143,8 @@ class Found:
     orbit: PeriodicOrbit | None
     visited: frozenset[str]  # modes that the attractor visits
     touches: bool  # whether the attractor meets an event
+    # shape (k,): indices of the modes at the points; None where it is the first that each allows
+    modes: NDArray[np.int64] | None = None
     cage: Cage | None = None
     ellipsoid: OrbitEllipsoids | None = None  # ellipsoids in which motions contract
     core: OrbitEllipsoids | None = None  # smaller ellipsoids in which motions count as settled

@@ -46,6 +46,10 @@ class MapSearch(AttractorSearch):
     def _way(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(np.abs(self.system.image(start, parameters=self.parameters) - start))
 
+    def is_virtual(self, found: Found) -> bool:
+        """Return False: a map has no events to be beyond."""
+        return False
+
     def find_caged(self) -> None:
         """Find nothing: the theorem of cages is one on flows."""
 

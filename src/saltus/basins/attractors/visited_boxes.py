@@ -94,11 +94,12 @@ def _followed(
     """Return strobes of motions from beside an attractor, after their return and decorrelation."""
     starts = cloud[:: -(-len(cloud) // _MOTIONS)]
     pushes = _PUSH * np.ptp(cloud, axis=0) * rng.standard_normal(starts.shape) * ~ensemble.lacked(starts)
-    x, _ = ensemble.strobe(starts + pushes, count=_FORGOTTEN)
-    x = x[np.isfinite(x).all(axis=1)]
+    x, modes = ensemble.strobe(starts + pushes, count=_FORGOTTEN)
+    kept = np.isfinite(x).all(axis=1)
+    x, modes = x[kept], modes[kept]
     states = []
     for _ in range(-(-_POINTS // len(x))):
-        x, _ = ensemble.strobe(x)
+        x, modes = ensemble.strobe(x, modes)
         states.append(x)
     return np.concatenate(states)
 

@@ -420,7 +420,9 @@ def _check_attractors(labelling: Labelling, attractors: Any) -> None:
             raise InputError("attractors", f"{name} = {theirs[name]!r}", f"of these parameters: {name} = {value!r}")
     for name in attractors.names:
         points, label = np.atleast_2d(attractors.points[name]), attractors.labels[name]
-        ends = labelling.of(points[:: max(len(points) // _SHOWN, 1)])
-        if (wrong := ends[(ends != label) & (ends != UNDECIDED)]).size:
-            told = {value: key for key, value in attractors.labels.items()}
-            raise InputError("attractor", name, "one", f"a motion that starts on it ends as {told[int(wrong[0])]!r}")
+        shown = points[:: max(len(points) // _SHOWN, 1)]
+        ends = labelling.of(shown)
+        for i in np.flatnonzero((ends != label) & (ends != UNDECIDED)):
+            if label not in labelling.from_each_mode(shown[i]):
+                told = {value: key for key, value in attractors.labels.items()}
+                raise InputError("attractor", name, "one", f"a motion that starts on it ends as {told[int(ends[i])]!r}")
