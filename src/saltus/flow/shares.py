@@ -78,7 +78,7 @@ def small_groups(compiled: Compiled, sizes: NDArray[np.float64], shares: NDArray
     return found
 
 
-def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64]) -> float:
+def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64], usual: float | None = None) -> float:
     """Return the size of a state at which a motion diverges: far beyond all sizes that the problem has.
 
     A rest may be as large as the largest number of the formulas and parameters over the least, or as the start.
@@ -90,14 +90,16 @@ def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64])
     p : ndarray
         Parameters, extended or not.
     x : ndarray, shape (all states,)
-        Start.
+        Start, or sizes of the states.
+    usual : float, optional
+        The least limit; 1e12 by default. Motions that start in a region have one of the region's.
     """
     from saltus.flow.kernels.state import BOUND
 
     own = np.abs(p[: compiled.n_parameters])
     numbers = np.concatenate([[1.0], compiled.numbers, own[(own > 0.0) & np.isfinite(own)]])
     largest = max(float(numbers.max()) / float(numbers.min()), float(np.abs(x).max(initial=0.0)))
-    return min(max(BOUND, _BEYOND * largest), _LARGEST)
+    return max(BOUND if usual is None else usual, min(_BEYOND * largest, _LARGEST))
 
 
 def with_shares(addresses: NDArray[np.int64], shares: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -10,8 +10,9 @@ import numpy as np
 
 from saltus.basins.attractors.closed_sides import ClosedSides
 from saltus.basins.attractors.found import AttractorOptions, Found
-from saltus.ensemble.ensemble import Ensemble
+from saltus.ensemble.ensemble import Ensemble, limit_at
 from saltus.errors import SaltusError
+from saltus.flow.shares import limit_of
 from saltus.flow.simulation import simulate
 from saltus.flow.starting import allowed_modes
 from saltus.progress import Reporter
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from saltus.system import HybridSystem, Map
 
 __all__ = ["FollowedMotions"]
+
+_BOUND = 1e6  # least size of a diverged state, in units of the region's largest half width or of 1
 
 _PRECISE = 1e-11  # tolerance of a step of the second, more precise ensemble
 _STATES = 400  # random states of the region that tell whether a state may allow several modes
@@ -64,9 +67,9 @@ class FollowedMotions:
         self.system, self.parameters, self.options = system, dict(parameters or {}), options
         self.low, self.high, self.interval = low, high, options.interval
         self.scale = self._sizes()
-        self.limit = options.limit * max(1.0, float(self.scale.max()))
+        self.p = system.parameter_vector(self.parameters)
+        self.limit = self._limit()
         self.ensemble, self.precise = self._engines()
-        self.p = self.ensemble.p
         self.rng = np.random.default_rng(options.rng)
         self.found: list[Found] = []
         self.dropped: list[Found] = []
@@ -80,11 +83,24 @@ class FollowedMotions:
         """Whether strobes are returns to a section: those of a system with a phase, and the states of a map."""
         return self.system.phase is not None
 
+    def _limit(self) -> float:
+        """Return the size of a diverged state."""
+        if self.options.limit is not None:
+            return self.options.limit
+        farthest = np.maximum(np.abs(self.low), np.abs(self.high))
+        return limit_of(self.system.compiled, self.p, farthest, _BOUND * max(1.0, float(self.scale.max())))
+
+    def _within(self) -> float:
+        """Return the size of a state that an engine calls diverged, even between strobes: it is never below `limit`."""
+        return max(self.limit, limit_at(self.system, self.p, self.scale, None))
+
     def _engines(self) -> tuple[Any, Any]:
         """Return what follows motions, and the same with a tighter tolerance."""
         system, interval = flowing(self.system), self.interval
         first, second = (
-            Ensemble(system, self.parameters, tolerance=tolerance, interval=interval, scale=self.scale)
+            Ensemble(
+                system, self.parameters, tolerance=tolerance, interval=interval, scale=self.scale, limit=self._within()
+            )
             for tolerance in (self.options.tolerance, _PRECISE)
         )
         return first, second

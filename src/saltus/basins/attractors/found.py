@@ -63,9 +63,9 @@ class AttractorOptions:
         Share of the squared distance of a sample that ends elsewhere at which a plane cuts it off.
     tolerance : float
         Tolerance of a step of the ensemble.
-    limit : float
-        Bound of each component, beyond which a state has diverged; multiplied by the region's half width where this is
-        above 1.
+    limit : float, optional
+        Size beyond which a state that grows has diverged. By default a million, or a million times the region's half
+        width or the largest size of the problem, as in `simulate`.
     criteria : Criteria
         Criteria that tell quasi-periodic from chaotic motions.
 
@@ -84,7 +84,7 @@ class AttractorOptions:
     samples: int | None = None
     safety: float = 0.8
     tolerance: float = 1e-8
-    limit: float = 1e6
+    limit: float | None = None
     criteria: Criteria = field(default_factory=Criteria)
 
     def __post_init__(self) -> None:
@@ -96,7 +96,9 @@ class AttractorOptions:
         checks.generator("AttractorOptions.rng", self.rng)
         if self.samples is not None:
             object.__setattr__(self, "samples", checks.size("AttractorOptions.samples", self.samples, 100))
-        for name, largest in (("safety", 1.0), ("tolerance", 1e-2), ("limit", math.inf)):
+        if self.limit is not None:
+            object.__setattr__(self, "limit", checks.positive("AttractorOptions.limit", self.limit))
+        for name, largest in (("safety", 1.0), ("tolerance", 1e-2)):
             value = checks.positive(f"AttractorOptions.{name}", getattr(self, name))
             object.__setattr__(self, name, checks.between(f"AttractorOptions.{name}", value, 0.0, largest))
         checks.instance("AttractorOptions.criteria", self.criteria, Criteria)

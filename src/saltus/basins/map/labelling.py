@@ -16,6 +16,7 @@ import numpy as np
 from saltus import checks
 from saltus.basins.attractors.closed_sides import ClosedSides
 from saltus.basins.attractors.trap_files import check_traps, traps_as_data, traps_from_data
+from saltus.ensemble.ensemble import limit_at
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import InputError
 from saltus.flow.starting import allowed_modes
@@ -248,6 +249,7 @@ class Labelling:
 def _ensemble(system: HybridSystem | Map, labelling: Labelling) -> Any:
     options: dict[str, Any] = {
         "tolerance": labelling.tolerance, "interval": labelling.interval, "scale": labelling.scale,
+        "limit": _within(labelling),
     }  # fmt: skip
     if labelling.engine == "cuda":
         from saltus.ensemble.cuda import CudaEnsemble
@@ -258,13 +260,23 @@ def _ensemble(system: HybridSystem | Map, labelling: Labelling) -> Any:
     return Ensemble(flowing(system), labelling.parameters, threads=labelling.threads, **options)
 
 
+def _within(labelling: Labelling) -> float:
+    """Return the size of a state that an engine calls diverged, even between strobes; the traps' is never above it."""
+    system = labelling.system
+    scale = np.ones(len(system.states)) if labelling.scale is None else np.array(labelling.scale)
+    usual = limit_at(system, system.parameter_vector(labelling.parameters), scale, None)
+    return usual if labelling.traps.limit == math.inf else max(usual, labelling.traps.limit)
+
+
 @_ensemble.register(Map)
 def _ensemble_of_map(system: Map, labelling: Labelling) -> Any:
     from saltus.ensemble.map_ensemble import MapEnsemble
 
     if labelling.engine != "cpu":
         raise InputError("BasinOptions.engine", labelling.engine, "'cpu' or 'dask' for a map")
-    return MapEnsemble(system, labelling.parameters, scale=labelling.scale, threads=labelling.threads)
+    return MapEnsemble(
+        system, labelling.parameters, scale=labelling.scale, limit=_within(labelling), threads=labelling.threads
+    )
 
 
 @singledispatch
