@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.basins.attractors.found import LIMIT_CYCLE
 from saltus.basins.attractors.trap_growth import LEFT_OVER, SOON, Enlarging, pieces
 from saltus.basins.attractors.trapping import CONTRACTING, OrbitEllipsoids
 from saltus.basins.attractors.visited_boxes import boxes_along
@@ -29,6 +30,8 @@ __all__ = ["Building"]
 _VISITS = 16  # strobes in a row in its boxes that make a motion an attractor's, at first
 _MOST_VISITS = 256  # the same after the last doubling
 _LONGER = 8  # factor by which the check of the boxes' rule needs more strobes in a row
+
+_ALONG = 20_000  # states along a cycle of which its boxes are made
 
 _ENTERING = 8  # rounds in which motions from the region enter the ellipsoids, at most
 
@@ -286,7 +289,8 @@ class Building:
         if not clouds:
             return None
         search = self.search
-        boxes = boxes_along(search.ensemble, clouds, self._others(clouds), search.scale, _VISITS, search.rng)
+        curves = {label: self.found[label].along(_ALONG) for label in clouds if self.found[label].kind == LIMIT_CYCLE}
+        boxes = boxes_along(search.ensemble, clouds, self._others(clouds), search.scale, _VISITS, search.rng, curves)
         starts = search.starts(max(self.samples // _REGION_SAMPLES, 100))
         visits, leaving = _VISITS, dict.fromkeys(clouds, False)
         while True:

@@ -50,8 +50,7 @@ class AttractorOptions:
         search takes at most about ten times as long as their labelling. Trapping regions are enlarged while this saves
         time, and have as many samples as time allows, at least 1000.
     interval : float or None
-        Time between two strobes of a system without a phase. It must not be commensurate with the period of a limit
-        cycle, whose strobes then are few points, not a closed curve. For a map a strobe is an iteration.
+        Time between two strobes of a system without a phase. For a map a strobe is an iteration.
     rng : int or numpy.random.Generator
         What random numbers are drawn from: the same seed and inputs give the same attractors.
     longest : int
@@ -160,6 +159,12 @@ class Found:
             return 1
         return int(self.kind.removeprefix("period-")) if self.kind.startswith("period-") else 0
 
+    def along(self, count: int) -> NDArray[np.float64]:
+        """Return states all along the orbit, shape (about `count`, n); none without an orbit."""
+        if self.orbit is None:
+            return np.empty((0, self.points.shape[1]))
+        return np.asarray(self.orbit.states_along(count)[1])
+
     def holds(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which states, shape (m, n), in given modes, are certain to end on this attractor."""
         held = np.zeros(len(x), dtype=bool)
@@ -174,6 +179,8 @@ class Found:
 
         A motion creeps to an orbit where it is near the orbit's points, measured by the scale or the orbit's extent.
         """
+        if self.kind == LIMIT_CYCLE and self.orbit is not None:  # its points are dense, the motion's may be few
+            return Cloud(self.points, scale).holds(path[-len(path) // 2 :])
         if not self.period:
             return Cloud(self.points, scale).same(path)
         n, orbit = len(scale), self.orbit

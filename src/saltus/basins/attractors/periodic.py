@@ -68,6 +68,9 @@ class PeriodicSearch(FollowedMotions):
         ).max(axis=2)
         recurs = (gaps < NEAR).any(axis=0)
         turns = np.argmax(gaps < NEAR, axis=0) + 1
+        if not self.sampled:  # what comes back without being at rest is on a cycle to which the looks are locked
+            recurs &= turns == 1
+            recurs[recurs] = self._speeds(x[recurs], modes[recurs]) < NEAR
         remaining = ~self._held(x, modes)
         tried = np.zeros(len(x), dtype=bool)
         attempts = 0
@@ -202,6 +205,13 @@ class PeriodicSearch(FollowedMotions):
             return None
         return metric_of(found.points, jacobians, self.scale)
 
+    def _speeds(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the largest rate of each state, shape (m, n), over an interval between two looks and its scale."""
+        system, names = flowing(self.system), self.system.mode_names
+        fields = [system.field(names[k], row, parameters=self.parameters) for row, k in zip(x, modes, strict=True)]
+        rates = np.abs(np.reshape(fields, x.shape) * self.ensemble.period / self.scale)
+        return np.asarray(rates.max(axis=1, initial=0.0))
+
     def _equilibrium(self, x: NDArray[np.float64], mode: int) -> Found | None:
         """Return the stable equilibrium near a state of a system without a phase."""
         for _ in range(20):
@@ -217,8 +227,7 @@ class PeriodicSearch(FollowedMotions):
             x = x - np.linalg.solve(slope, apart)
         else:
             return None
-        speed = np.abs(flowing(self.system).field(self.system.mode_names[mode], x, parameters=self.parameters))
-        if float(np.max(speed * self.ensemble.period / self.scale)) > SAME:
+        if self._speeds(x[None], np.array([mode]))[0] > SAME:
             return None
         name = self.system.mode_names[mode]
         return Found(REST, x[None], None, frozenset([name]), touches=False, modes=np.array([mode]))
