@@ -22,7 +22,11 @@ def strobed(image, states=("x",)):
 
     work = np.zeros(1, np.int64)
     p = system.parameter_vector({})
-    anywhere = {"admits": lambda x: True, "lacked": lambda points: np.zeros(np.shape(points), bool)}
+    anywhere = {
+        "admits": lambda x: True,
+        "allowing": lambda points, modes: np.ones(len(points), bool),
+        "lacked": lambda points, modes=None: np.zeros(np.shape(points), bool),
+    }
     return SimpleNamespace(strobe=strobe, system=system, p=p, work=work, left_over=0, **anywhere)
 
 

@@ -163,3 +163,11 @@ def test_names_that_look_like_mathematics_are_shown_as_they_are():
     shown = [text.get_text() for text in ax.get_legend().get_texts()]
     assert shown[0].startswith(r"\$\frac\$")
     assert shown[1].startswith(r"1\$ or 2\$")
+
+
+def test_no_two_of_thirty_two_attractors_have_one_colour():
+    axes = {"q": np.arange(32.0), "v": np.arange(2.0)}
+    names = {f"period-1 {i}": i for i in range(32)}
+    many = Basins.from_array(np.repeat(np.arange(32)[:, None], 2, axis=1), axes, names)
+    shown = {tuple(np.round(255.0 * np.array(to_rgb(colour)))) for colour in colours_of(many).values()}
+    assert len(shown) == 32 + 3  # with those of cells without a basin

@@ -17,7 +17,8 @@ from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
 from saltus.flow.event_logs import events_after
-from saltus.flow.starting import phase_rate, starting_mode
+from saltus.flow.shares import limit_of
+from saltus.flow.starting import allowed_modes, phase_rate, starting_mode
 from saltus.flow.transition_rows import jumps_at_phase_zero
 from saltus.flow.variational import Average, Growth, growth_along
 from saltus.system.angles import refuse
@@ -29,8 +30,9 @@ if TYPE_CHECKING:
 
     from saltus.ensemble.compiled import CompiledLanes
     from saltus.system.hybrid import HybridSystem
+    from saltus.system.maps import Map
 
-__all__ = ["Ensemble", "boxes_of", "checked_points", "follow_pieces", "part_of", "regions_of"]
+__all__ = ["Ensemble", "boxes_of", "checked_points", "follow_pieces", "limit_at", "part_of", "regions_of"]
 
 _ORDER = 10  # last coefficient of the Taylor series
 _GROWTH = 4.5  # growth of a motion's tolerance a period: a late error equals a smaller one at the start
@@ -39,7 +41,7 @@ _OF_A_TRAP = 1e-3  # largest tolerance, in units of the narrowest trap's half wi
 _ALIVE = 256  # motions that a thread has under way
 _PIECE = 8000  # motions that a thread is given at once
 _LONGEST_STEP = 0.25  # longest Taylor step, in periods
-_BOUND = 1e8  # size of a diverged state, in units of the largest scale or of 1, whichever is larger
+_BOUND = 1e8  # least size of a diverged state, in units of the largest scale or of 1, whichever is larger
 _LEAST_TERM = 1e-30  # least size of a step's last terms, in tolerances, that lets a step be as long as it may
 
 
@@ -61,11 +63,16 @@ class Ensemble:
         Time between two looks at a system without a phase.
     scale : array_like, shape (n,), optional
         Size of each state against which an error is measured; 1 by default.
+    limit : float, optional
+        Size beyond which a state that grows has diverged. By default 1e8 times the largest scale or 1, or a million
+        times the largest size of the problem, as in `simulate`.
     threads : int, optional
         Threads that share the motions; by default one for each processor that this process may use.
 
     Attributes
     ----------
+    limit : float
+        Size of a diverged state.
     period : float
         Time between two looks.
     work : ndarray of int64
@@ -99,6 +106,7 @@ class Ensemble:
         tolerance: float = 1e-8,
         interval: float | None = None,
         scale: ArrayLike | None = None,
+        limit: float | None = None,
         threads: int | None = None,
     ) -> None:
         refuse(system.angles, "an ensemble")
@@ -113,7 +121,7 @@ class Ensemble:
         self.scale = np.ones(self.n) if scale is None else checks.array("scale", scale, finite=False)
         if self.scale.shape != (self.n,) or not ((self.scale > 0.0) & (self.scale < np.inf)).all():
             raise InputError("scale", scale, f"a finite number > 0 for each of {', '.join(system.states)}")
-        self._bound = _BOUND * max(1.0, float(self.scale.max()))
+        self.limit = limit_at(self.system, self.p, self.scale, limit)
         self.threads = threads or processors()
         self.work = np.zeros(2 * len(system.modes), np.int64)
         self.left_over, self.periods, self.periods_alone, self.rate = 0, 0, 0, 0.0
@@ -150,7 +158,7 @@ class Ensemble:
         starts = self._modes(modes, x)
         if count < 1:
             raise InputError("count", count, "at least 1")
-        found = self._followed(x, starts, Traps(self.n, limit=self._bound), count, growth=False)
+        found = self._followed(x, starts, Traps(self.n, limit=self.limit), count, growth=False)
         found[2][found[0] == DIVERGED] = np.nan
         return found[2], found[3]
 
@@ -219,15 +227,22 @@ class Ensemble:
             return False
         return True
 
+    def allowing(self, points: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return from which points, shape (m, n), a motion may start in a mode; any may where the mode is negative."""
+        found = np.ones(len(points), np.bool_)
+        for i in np.flatnonzero(modes >= 0):
+            found[i] = modes[i] in allowed_modes(self.system, self.system.full_state(points[i]), self.p)
+        return found
+
     def starting_mode(self, x: NDArray[np.float64]) -> int:
         """Return the index of the mode in which a motion starts from a state; raise `InputError` without one."""
         return starting_mode(self.system, self.system.full_state(x), self.p)
 
-    def lacked(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def lacked(self, points: NDArray[np.float64], modes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
         """Return whether the mode in which a motion starts lacks each state, shape (m, n), as `points` has."""
         found = np.zeros(points.shape, np.bool_)
-        for row, x in zip(found, points, strict=True):
-            row[absent_states(self.system, self.starting_mode(x))] = True
+        for i, x in enumerate(points):
+            found[i, absent_states(self.system, self.starting_mode(x) if modes is None else int(modes[i]))] = True
         return found
 
     def growth(self, x: NDArray[np.float64], mode: int, periods: int, discard: int | None) -> Growth:
@@ -333,7 +348,7 @@ class Ensemble:
     def _quantities(self) -> NDArray[np.float64]:
         assert self._lanes is not None
         longest = _LONGEST_STEP * self.period
-        values = {"rate": self.rate, "period": self.period, "longest": longest, "limit": self._bound}
+        values = {"rate": self.rate, "period": self.period, "longest": longest, "limit": self.limit}
         values |= {f"least{k}": max(_LEAST_TERM / longest**k, 1e-300) for k in range(_ORDER - 2, _ORDER + 1)}
         values |= {f"iscale{i}": 1.0 / size for i, size in enumerate(self.scale)}
         values |= {f"escale{k}": 1.0 / size for k, size in enumerate(self._event_sizes())}
@@ -353,6 +368,15 @@ class Ensemble:
             finite = [size for size in sizes if 0.0 < size < math.inf]
             found.append(max(finite, default=1.0))
         return found
+
+
+def limit_at(
+    system: HybridSystem | Map, p: NDArray[np.float64], scale: NDArray[np.float64], limit: float | None
+) -> float:
+    """Return the size of a diverged state of motions of some scale, shape (n,); `limit` where it is given."""
+    if limit is not None:
+        return checks.positive("limit", limit)
+    return limit_of(system.compiled, p, scale, _BOUND * max(1.0, float(scale.max())))
 
 
 def _largest_tolerance(traps: Traps) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from saltus.ensemble.labels import DIVERGED, UNDECIDED
 from saltus.errors import DivergenceError, SaltusError, StickingError
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.poincare import iterate
+from saltus.flow.shares import limit_of
 from saltus.flow.starting import starting_mode
 
 if TYPE_CHECKING:
@@ -58,12 +60,15 @@ def follow_alone(
         The motion is held where the field jumps; its fate is not defined.
     """
     strobe, seen = 0, 0
+    p = system.parameter_vector(parameters)
+    usual = limit_of(system.compiled, p, np.abs(x))
+    limit = traps.limit if usual < traps.limit < math.inf else None
     try:
         if mode < 0:
-            mode = starting_mode(system, system.full_state(x), system.parameter_vector(parameters))
+            mode = starting_mode(system, system.full_state(x), p)
         label = traps.of(x, mode)
         while label == UNDECIDED and strobe < longest:
-            x, mode = _after_period(system, parameters, x, mode, period)
+            x, mode = _after_period(system, parameters, x, mode, period, limit)
             strobe += 1
             label = traps.of(x, mode)
             if label == UNDECIDED and traps.cells is not None:
@@ -80,13 +85,18 @@ def follow_alone(
 
 
 def _after_period(
-    system: HybridSystem, parameters: Mapping[str, float], x: NDArray[np.float64], mode: int, period: float
+    system: HybridSystem,
+    parameters: Mapping[str, float],
+    x: NDArray[np.float64],
+    mode: int,
+    period: float,
+    limit: float | None,
 ) -> tuple[NDArray[np.float64], int]:
     if system.phase is not None:
         p, full = system.parameter_vector(parameters), system.full_state(x)
-        found = iterate(system, p, full, mode, discard=0, keep=1, tolerance=(_TOLERANCE, _TOLERANCE))
+        found = iterate(system, p, full, mode, discard=0, keep=1, tolerance=(_TOLERANCE, _TOLERANCE), limit=limit)
         return found.states[0, : x.size], int(found.modes[0])
     p = system.parameter_vector(parameters)
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, _TOLERANCE, _TOLERANCE)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, _TOLERANCE, _TOLERANCE, limit=limit)
     run.follow(period, None, _MOST_EVENTS, keep=False)
     return np.array(run.x), run.mode

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus import checks
-from saltus.ensemble.ensemble import boxes_of, checked_points, follow_pieces, part_of, regions_of
+from saltus.ensemble.ensemble import boxes_of, checked_points, follow_pieces, limit_at, part_of, regions_of
 from saltus.ensemble.labels import NOT_DONE, UNDECIDED, Boxes, Found, Motions, Settings
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MapEnsemble"]
 
-_BOUND = 1e8  # size of a diverged state, in units of the largest scale or of 1, whichever is larger
 _PIECE = 4096  # motions that a thread is given at once
 _WORTH = 200_000  # iterations that a thread is given at once, at least, where all motions make as many
 _LARGEST_TABLE = 2**22  # boxes between the outermost ones, beyond which they are looked up by bisection
@@ -53,11 +52,15 @@ class MapEnsemble:
         Parameters that differ from the map's defaults.
     scale : array_like, shape (n,), optional
         Size of each state; 1 by default.
+    limit : float, optional
+        Size beyond which a state has diverged; by default as in `Ensemble`.
     threads : int, optional
         Threads that share the motions; by default one for each processor that this process may use.
 
     Attributes
     ----------
+    limit : float
+        Size of a diverged state.
     period : float
         Time between two looks, 1.
     work : ndarray of int64
@@ -86,6 +89,7 @@ class MapEnsemble:
         parameters: Mapping[str, float] | None = None,
         *,
         scale: ArrayLike | None = None,
+        limit: float | None = None,
         threads: int | None = None,
     ) -> None:
         refuse(system.angles, "an ensemble")
@@ -93,7 +97,7 @@ class MapEnsemble:
         self.p = system.parameter_vector(self.parameters)
         self.n = len(system.states)
         self.scale = np.ones(self.n) if scale is None else np.asarray(scale, dtype=np.float64)
-        self._bound = _BOUND * max(1.0, float(self.scale.max()))
+        self.limit = limit_at(self.system, self.p, self.scale, limit)
         self.threads = threads or processors()
         self.work = np.zeros(1, np.int64)
         self.periods = 0
@@ -138,7 +142,7 @@ class MapEnsemble:
 
         def follow(start: int, end: int) -> None:
             at = np.empty((2, self.n))
-            if images(x[start:end], at[0], at[1], self._code, self._bound, count)[0] != DONE:
+            if images(x[start:end], at[0], at[1], self._code, self.limit, count)[0] != DONE:
                 raise pieces_error(self.system, at[0], self.p)
 
         follow_pieces(follow, len(x), max(_PIECE, _WORTH // count), self.threads)
@@ -185,7 +189,11 @@ class MapEnsemble:
         """Return 0: the state decides which piece holds."""
         return 0
 
-    def lacked(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def allowing(self, points: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return True for each point: the state decides which piece holds."""
+        return np.ones(len(points), np.bool_)
+
+    def lacked(self, points: NDArray[np.float64], modes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
         """Return whether a piece lacks each state, shape (m, n): none does."""
         return np.zeros(points.shape, np.bool_)
 

@@ -104,7 +104,7 @@ class Traps:
     ellipsoids: Ellipsoids | None = None
     cages: Cages | None = None
     cells: Cells | None = field(default=None)
-    limit: float = 1e6  # a state with a component beyond it has diverged
+    limit: float = math.inf  # a state with a component beyond it has diverged
 
     def of(self, x: NDArray[np.float64], mode: int) -> int:
         """Return the label of a state's cage or ellipsoid, `DIVERGED`, or `UNDECIDED`; cells take longer."""

@@ -84,7 +84,7 @@ def small_groups(compiled: Compiled, sizes: NDArray[np.float64], shares: NDArray
     return found
 
 
-def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64]) -> float:
+def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64], usual: float | None = None) -> float:
     """Return the size of a state at which a motion diverges: far beyond all sizes that the problem has.
 
     A rest may be as large as the largest number of the formulas and parameters over the least, or as the start.
@@ -96,14 +96,16 @@ def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64])
     p : ndarray
         Parameters, extended or not.
     x : ndarray, shape (all states,)
-        Start.
+        Start, or sizes of the states.
+    usual : float, optional
+        The least limit; 1e12 by default. Motions that start in a region have one of the region's.
     """
     from saltus.flow.kernels.state import BOUND
 
     numbers = [1.0, *compiled.numbers.tolist(), *map(abs, p[: compiled.n_parameters].tolist())]
     known = [number for number in numbers if 0.0 < number < math.inf]
     largest = max(max(known) / min(known), float(np.abs(x).max(initial=0.0)))
-    return float(min(max(BOUND, _BEYOND * largest), _LARGEST))
+    return float(max(BOUND if usual is None else usual, min(_BEYOND * largest, _LARGEST)))
 
 
 def with_shares(addresses: NDArray[np.int64], shares: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -21,6 +21,7 @@ __all__ = ["colours_of", "draw_attractors", "labelled_image", "mark_of", "percen
 
 # Colours of basins: the scheme "light" of P. Tol (SRON/EPS/TN/09-002), made for areas that carry dark marks.
 _LIGHT = ("#77aadd", "#ee8866", "#eedd88", "#ffaabb", "#44bb99", "#bbcc33", "#99ddff", "#aaaa00")
+_DARKER = 0.65  # brightness of a colour where it comes again, over that before
 
 # Colours of cells without a basin; "not done" are those that a store lacks still.
 _OUTCOMES: Mapping[str, str] = MappingProxyType({"diverged": "#dddddd", "undecided": "#aa3377", "not done": "#ffffff"})
@@ -133,8 +134,16 @@ def colours_of(basins: Basins, chosen: Mapping[str, Any] | None = None) -> dict[
         There is no label of a name in `chosen`.
     """
     named = [name for name in basins.attractors.labels if name not in _OUTCOMES]
-    usual = {name: _LIGHT[i % len(_LIGHT)] for i, name in enumerate(named)} | dict(_OUTCOMES)
+    usual = {name: _colour(i) for i, name in enumerate(named)} | dict(_OUTCOMES)
     return usual | checks.mapping("colours", chosen, "labels to colours", known=usual)
+
+
+def _colour(place: int) -> Any:
+    """Return the colour of an attractor by its place: those of the palette, then the same, darker each time."""
+    from matplotlib.colors import to_rgb
+
+    colour, rounds = _LIGHT[place % len(_LIGHT)], place // len(_LIGHT)
+    return tuple(part * _DARKER**rounds for part in to_rgb(colour)) if rounds else colour
 
 
 def labelled_image(labels: NDArray[np.uint8], basins: Basins, colours: Mapping[str, Any]) -> NDArray[np.uint8]:

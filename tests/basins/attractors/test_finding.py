@@ -395,7 +395,7 @@ def test_equilibria_of_a_system_without_a_phase_are_at_rest():
 
 
 @pytest.mark.campaign
-def test_a_limit_cycle_is_seen_as_a_closed_curve_unless_the_looks_lock_to_it():
+def test_a_limit_cycle_is_seen_as_a_closed_curve_though_the_looks_lock_to_it():
     system = HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": "-x + (1 - x**2)*v"})})
     region = {"x": (-3, 3), "v": (-3, 3)}
     search = AttractorOptions(samples=100, longest=1200)
@@ -403,8 +403,10 @@ def test_a_limit_cycle_is_seen_as_a_closed_curve_unless_the_looks_lock_to_it():
     assert found.names == ("limit cycle",)
     assert found.orbits["limit cycle"].period == pytest.approx(6.6632868593, abs=1e-8)
     assert "boxes" in found.notes["limit cycle"]
-    with pytest.raises(InputError, match="interval = .*must be in no ratio of small integers to the period 6.66328686"):
-        find_attractors(system, {}, region, options=replace(search, starts=2, interval=6.6632868593 / 3.0))
+    for part in (1.0, 2.0, 3.0, 17.0 / 4.0):
+        locked = find_attractors(system, {}, region, options=replace(search, starts=4, interval=6.6632868593 / part))
+        assert locked.names == ("limit cycle",)
+        assert locked.fates["undecided"] == 0
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ INNER, CORE = round_about(0.0, 0.01), round_about(0.0, 0.002)
 def enlarging(image, widest, *, samples, states=("x",)):
     """What enlarges regions of motions by a map, each followed for 200 strobes."""
 
-    def settles(x, region, longest):
+    def settles(x, modes, region, longest):
         for _ in range(200):
             x = image(x)
         return region.holds(x)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.basins.attractors.found import LIMIT_CYCLE
 from saltus.basins.attractors.trap_growth import LEFT_OVER, SOON, Enlarging, pieces
 from saltus.basins.attractors.trapping import CONTRACTING, OrbitEllipsoids
 from saltus.basins.attractors.visited_boxes import boxes_along
@@ -17,7 +18,7 @@ from saltus.errors import ConvergenceError
 from saltus.result import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Container, Mapping
 
     from numpy.typing import NDArray
 
@@ -29,6 +30,8 @@ __all__ = ["Building"]
 _VISITS = 16  # strobes in a row in its boxes that make a motion an attractor's, at first
 _MOST_VISITS = 256  # the same after the last doubling
 _LONGER = 8  # factor by which the check of the boxes' rule needs more strobes in a row
+
+_ALONG = 20_000  # states along a cycle of which its boxes are made
 
 _ENTERING = 8  # rounds in which motions from the region enter the ellipsoids, at most
 
@@ -66,6 +69,7 @@ class Building:
         self.cores = {label: each.core for label, each in enumerate(found) if each.core is not None}
         self.wholes: dict[int, OrbitEllipsoids] = {}
         self.ellipsoids: dict[int, OrbitEllipsoids] = {}
+        self.cells: Cells | None = None
         self.samples = _FEWEST_SAMPLES
         self.pilots: NDArray[np.float64] | None = None
 
@@ -91,11 +95,25 @@ class Building:
             if label in self.ellipsoids:
                 notes.append(self._measured(label, enlarging[label], entered.get(label)))
             self.notes[label] = "; ".join(filter(None, notes))
-        return self._with_cells()
+        self.cells = self._visited()
+        return self._regions(self.ellipsoids, self.cells, real=True)
 
-    def _regions(self, ellipsoids: Mapping[int, OrbitEllipsoids], cells: Cells | None = None) -> Traps:
+    @property
+    def with_virtual(self) -> Traps:
+        """All trapping regions, and those of virtual sets, where motions settle as well; their labels come behind."""
+        return self._regions(self.ellipsoids, self.cells)
+
+    def _regions(
+        self, ellipsoids: Mapping[int, OrbitEllipsoids], cells: Cells | None = None, *, real: bool = False
+    ) -> Traps:
+        """Return trapping regions of the attractors, and unless they are to be `real`, of virtual sets."""
+        ellipsoids, n = dict(ellipsoids), len(self.search.low)
         caged = {label: each.cage for label, each in enumerate(self.found) if each.cage is not None}
-        n = len(self.search.low)
+        for label, each in enumerate([] if real else self.search.virtual, len(self.found)):
+            if each.core is not None:
+                ellipsoids[label] = each.core
+            if each.cage is not None:
+                caged[label] = each.cage
         return Traps(
             n,
             Ellipsoids.joined([e.as_traps(label) for label, e in ellipsoids.items()]) if ellipsoids else None,
@@ -114,17 +132,18 @@ class Building:
         assert inner is not None
         assert core is not None
 
-        def settles(x: NDArray[np.float64], region: OrbitEllipsoids, longest: int) -> NDArray[np.bool_]:
-            labels, _ = search.ensemble.settle(x, self._regions({**self.cores, label: region}), longest)
+        def settles(
+            x: NDArray[np.float64], modes: NDArray[np.int64], region: OrbitEllipsoids, longest: int
+        ) -> NDArray[np.bool_]:
+            labels, _ = search.ensemble.settle(x, self._regions({**self.cores, label: region}), longest, modes)
             search.reporter.step(len(x), "measuring trapping regions")
             return np.asarray(labels == label)
 
         if found.cage is not None and not search.in_lanes(inner.centres[:1]):
             return None
-        others = np.concatenate(
-            [np.empty((0, len(search.low))), *(each.points for each in self.found if each is not found)]
+        enlarging = Enlarging(
+            search.ensemble, settles, 2.0 * search.scale, self._others({label}), search.rng, search.options
         )
-        enlarging = Enlarging(search.ensemble, settles, 2.0 * search.scale, others, search.rng, search.options)
         self.wholes[label] = enlarging.grown(inner)
         return enlarging
 
@@ -257,17 +276,21 @@ class Building:
             return note
         return f"{note}; {entered[0] or 'none'} of {entered[1]} motions that entered it beyond its largest ellipsoid"
 
-    def _with_cells(self) -> Traps:
+    def _others(self, own: Container[int]) -> NDArray[np.float64]:
+        """Return states on all attractors but those of some labels, and on virtual sets."""
+        others = [each.points for label, each in enumerate([*self.found, *self.search.virtual]) if label not in own]
+        return np.concatenate([np.empty((0, len(self.search.low))), *others])
+
+    def _visited(self) -> Cells | None:
+        """Return the boxes along attractors without another region; None where there are no such attractors."""
         clouds = {
             label: each.points for label, each in enumerate(self.found) if each.cage is None and each.ellipsoid is None
         }
-        certain = self._regions(self.ellipsoids)
         if not clouds:
-            return certain
+            return None
         search = self.search
-        elsewhere = [each.points for label, each in enumerate(self.found) if label not in clouds]
-        others = np.concatenate([np.empty((0, len(search.low))), *elsewhere])
-        boxes = boxes_along(search.ensemble, clouds, others, search.scale, _VISITS, search.rng)
+        curves = {label: self.found[label].along(_ALONG) for label in clouds if self.found[label].kind == LIMIT_CYCLE}
+        boxes = boxes_along(search.ensemble, clouds, self._others(clouds), search.scale, _VISITS, search.rng, curves)
         starts = search.starts(max(self.samples // _REGION_SAMPLES, 100))
         visits, leaving = _VISITS, dict.fromkeys(clouds, False)
         while True:
@@ -291,7 +314,7 @@ class Building:
             )
             if (stay := self.found[label].stay) is not None:
                 self.notes[label] += f"; {stay}"
-        return traps
+        return cells
 
     def _left(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> dict[int, tuple[int, int]]:
         """Return for each label: motions labelled by its boxes that get another label by longer stays, and all."""

@@ -31,6 +31,10 @@ class Cloud:
         """Return whether the second half of the motion visits the set of the first half."""
         return self._alike(*np.array_split(self.points, 2))
 
+    def holds(self, points: NDArray[np.float64]) -> bool:
+        """Return whether all of some points are near those of the set."""
+        return bool((distances(self.points, points / self.unit) <= self.reach).all())
+
     def same(self, points: NDArray[np.float64]) -> bool:
         """Return whether another motion visits the same set."""
         return self._alike(self.points, points / self.unit)

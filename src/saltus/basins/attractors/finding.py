@@ -118,6 +118,7 @@ def find_attractors(
         search.follow(starts)
         if len(search.found) < DIVERGED:
             search.drop_transients()
+        search.drop_virtual()
         return _assembled(search, box, sorted(search.found, key=lambda found: _rank(search, found)), None, starts)
 
 
@@ -239,7 +240,8 @@ def _assembled(
         built = Building(search, found)
         traps = built.traps()
     names = names or _named(search.system, found)
-    labels, periods = search.ensemble.settle(starts, traps, search.options.longest)
+    labels, periods = search.ensemble.settle(starts, built.with_virtual, search.options.longest)
+    labels[(labels >= len(found)) & (labels < DIVERGED)] = UNDECIDED
     search.reporter.finish()
     outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}
     return Attractors(

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.basins.attractors.closed_sides import ClosedSides
 from saltus.basins.attractors.found import AttractorOptions, Found
-from saltus.ensemble.ensemble import Ensemble
+from saltus.ensemble.ensemble import Ensemble, limit_at
 from saltus.errors import SaltusError
+from saltus.flow.shares import limit_of
 from saltus.flow.simulation import simulate
 from saltus.flow.starting import allowed_modes
 from saltus.progress import Reporter
@@ -18,13 +20,15 @@ from saltus.system.maps import flowing
 from saltus.work import interrupt_waits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
     from saltus.system import HybridSystem, Map
 
 __all__ = ["FollowedMotions"]
+
+_BOUND = 1e6  # least size of a diverged state, in units of the region's largest half width or of 1
 
 _PRECISE = 1e-11  # tolerance of a step of the second, more precise ensemble
 _STATES = 400  # random states of the region that tell whether a state may allow several modes
@@ -63,12 +67,13 @@ class FollowedMotions:
         self.system, self.parameters, self.options = system, dict(parameters or {}), options
         self.low, self.high, self.interval = low, high, options.interval
         self.scale = self._sizes()
-        self.limit = options.limit * max(1.0, float(self.scale.max()))
+        self.p = system.parameter_vector(self.parameters)
+        self.limit = self._limit()
         self.ensemble, self.precise = self._engines()
-        self.p = self.ensemble.p
         self.rng = np.random.default_rng(options.rng)
         self.found: list[Found] = []
         self.dropped: list[Found] = []
+        self.virtual: list[Found] = []
         self.astray = np.empty((0, len(low)))
         self.neutral = 0
         self.motions, self.reporter = options.motions or _MOTIONS, reporter or Reporter(False)
@@ -78,11 +83,24 @@ class FollowedMotions:
         """Whether strobes are returns to a section: those of a system with a phase, and the states of a map."""
         return self.system.phase is not None
 
+    def _limit(self) -> float:
+        """Return the size of a diverged state."""
+        if self.options.limit is not None:
+            return self.options.limit
+        farthest = np.maximum(np.abs(self.low), np.abs(self.high))
+        return limit_of(self.system.compiled, self.p, farthest, _BOUND * max(1.0, float(self.scale.max())))
+
+    def _within(self) -> float:
+        """Return the size of a state that an engine calls diverged, even between strobes: it is never below `limit`."""
+        return max(self.limit, limit_at(self.system, self.p, self.scale, None))
+
     def _engines(self) -> tuple[Any, Any]:
         """Return what follows motions, and the same with a tighter tolerance."""
         system, interval = flowing(self.system), self.interval
         first, second = (
-            Ensemble(system, self.parameters, tolerance=tolerance, interval=interval, scale=self.scale)
+            Ensemble(
+                system, self.parameters, tolerance=tolerance, interval=interval, scale=self.scale, limit=self._within()
+            )
             for tolerance in (self.options.tolerance, _PRECISE)
         )
         return first, second
@@ -117,6 +135,26 @@ class FollowedMotions:
         x = np.random.default_rng(self.options.rng).uniform(self.low, self.high, (_STATES, len(self.low)))
         system = flowing(self.system)
         return any(len(list(allowed_modes(system, self.system.full_state(row), self.p))) > 1 for row in x)
+
+    @cached_property
+    def _closed_sides(self) -> ClosedSides:
+        return ClosedSides(flowing(self.system), self.p, self.low, self.high, self.scale)
+
+    def drop_virtual(self) -> None:
+        """Set aside what is no attractor, since no motion that meets its events comes there."""
+        self.virtual += [found for found in self.found if self.is_virtual(found)]
+        self.found = [found for found in self.found if found not in self.virtual]
+
+    def is_virtual(self, found: Found) -> bool:
+        """Return whether an attractor meets no event, and lies wholly beyond one to whose other side no motion comes.
+
+        A simulation that starts there stays there, since it does not meet an event that it is past already.
+        """
+        return not found.touches and len(found.visited) == 1 and self._closed_sides.hold(found.points, *found.visited)
+
+    def _beside(self, found: Found) -> Callable[[NDArray[np.float64]], bool]:
+        """Return what tells whether all of some states lie beyond the event that a virtual set lies beyond."""
+        return lambda x: self._closed_sides.hold(x, *found.visited)
 
     @property
     def spent(self) -> float:

@@ -50,8 +50,7 @@ class AttractorOptions:
         search takes at most about ten times as long as their labelling. Trapping regions are enlarged while this saves
         time, and have as many samples as time allows, at least 1000.
     interval : float or None
-        Time between two strobes of a system without a phase. It must not be commensurate with the period of a limit
-        cycle, whose strobes then are few points, not a closed curve. For a map a strobe is an iteration.
+        Time between two strobes of a system without a phase. For a map a strobe is an iteration.
     rng : int or numpy.random.Generator
         What random numbers are drawn from: the same seed and inputs give the same attractors.
     longest : int
@@ -63,9 +62,9 @@ class AttractorOptions:
         Share of the squared distance of a sample that ends elsewhere at which a plane cuts it off.
     tolerance : float
         Tolerance of a step of the ensemble.
-    limit : float
-        Bound of each component, beyond which a state has diverged; multiplied by the region's half width where this is
-        above 1.
+    limit : float, optional
+        Size beyond which a state that grows has diverged. By default a million, or a million times the region's half
+        width or the largest size of the problem, as in `simulate`.
     criteria : Criteria
         Criteria that tell quasi-periodic from chaotic motions.
 
@@ -84,7 +83,7 @@ class AttractorOptions:
     samples: int | None = None
     safety: float = 0.8
     tolerance: float = 1e-8
-    limit: float = 1e6
+    limit: float | None = None
     criteria: Criteria = field(default_factory=Criteria)
 
     def __post_init__(self) -> None:
@@ -96,7 +95,9 @@ class AttractorOptions:
         checks.generator("AttractorOptions.rng", self.rng)
         if self.samples is not None:
             object.__setattr__(self, "samples", checks.size("AttractorOptions.samples", self.samples, 100))
-        for name, largest in (("safety", 1.0), ("tolerance", 1e-2), ("limit", math.inf)):
+        if self.limit is not None:
+            object.__setattr__(self, "limit", checks.positive("AttractorOptions.limit", self.limit))
+        for name, largest in (("safety", 1.0), ("tolerance", 1e-2)):
             value = checks.positive(f"AttractorOptions.{name}", getattr(self, name))
             object.__setattr__(self, name, checks.between(f"AttractorOptions.{name}", value, 0.0, largest))
         checks.instance("AttractorOptions.criteria", self.criteria, Criteria)
@@ -143,6 +144,8 @@ class Found:
     orbit: PeriodicOrbit | None
     visited: frozenset[str]  # modes that the attractor visits
     touches: bool  # whether the attractor meets an event
+    # shape (k,): indices of the modes at the points; None where it is the first that each allows
+    modes: NDArray[np.int64] | None = None
     cage: Cage | None = None
     ellipsoid: OrbitEllipsoids | None = None  # ellipsoids in which motions contract
     core: OrbitEllipsoids | None = None  # smaller ellipsoids in which motions count as settled
@@ -155,6 +158,12 @@ class Found:
         if self.kind == REST:
             return 1
         return int(self.kind.removeprefix("period-")) if self.kind.startswith("period-") else 0
+
+    def along(self, count: int) -> NDArray[np.float64]:
+        """Return states all along the orbit, shape (about `count`, n); none without an orbit."""
+        if self.orbit is None:
+            return np.empty((0, self.points.shape[1]))
+        return np.asarray(self.orbit.states_along(count)[1])
 
     def holds(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which states, shape (m, n), in given modes, are certain to end on this attractor."""
@@ -170,6 +179,8 @@ class Found:
 
         A motion creeps to an orbit where it is near the orbit's points, measured by the scale or the orbit's extent.
         """
+        if self.kind == LIMIT_CYCLE and self.orbit is not None:  # its points are dense, the motion's may be few
+            return Cloud(self.points, scale).holds(path[-len(path) // 2 :])
         if not self.period:
             return Cloud(self.points, scale).same(path)
         n, orbit = len(scale), self.orbit

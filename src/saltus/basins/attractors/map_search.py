@@ -40,11 +40,15 @@ class MapSearch(AttractorSearch):
     def _engines(self) -> tuple[Any, Any]:
         if self.interval is not None:
             raise InputError("interval", self.interval, "left out for a map", "it is looked at after each iteration")
-        engine = MapEnsemble(self.system, self.parameters, scale=self.scale)
+        engine = MapEnsemble(self.system, self.parameters, scale=self.scale, limit=self._within())
         return engine, engine
 
     def _way(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(np.abs(self.system.image(start, parameters=self.parameters) - start))
+
+    def is_virtual(self, found: Found) -> bool:
+        """Return False: a map has no events to be beyond."""
+        return False
 
     def find_caged(self) -> None:
         """Find nothing: the theorem of cages is one on flows."""

@@ -68,6 +68,9 @@ class PeriodicSearch(FollowedMotions):
         ).max(axis=2)
         recurs = (gaps < NEAR).any(axis=0)
         turns = np.argmax(gaps < NEAR, axis=0) + 1
+        if not self.sampled:  # what comes back without being at rest is on a cycle to which the looks are locked
+            recurs &= turns == 1
+            recurs[recurs] = self._speeds(x[recurs], modes[recurs]) < NEAR
         remaining = ~self._held(x, modes)
         tried = np.zeros(len(x), dtype=bool)
         attempts = 0
@@ -173,16 +176,22 @@ class PeriodicSearch(FollowedMotions):
         """Give a periodic attractor the ellipsoid in which motions contract; return whether there is one."""
         metric = self._metric(found)
         if metric is not None and self.by_mode:
-            modes = np.array([self.ensemble.starting_mode(x) for x in found.points])
-            metric = replace(metric, modes=modes, absent=self.ensemble.lacked(found.points))
-        found.ellipsoid = None if metric is None else contracting(self.precise, metric, self.rng)
-        found.core = None if found.ellipsoid is None else core_of(self.ensemble, found.ellipsoid, self.rng)
+            modes = found.modes
+            if modes is None:
+                modes = np.array([self.ensemble.starting_mode(x) for x in found.points])
+            metric = replace(metric, modes=modes, absent=self.ensemble.lacked(found.points, modes))
+        if metric is None:
+            return False
+        if self.is_virtual(found):
+            found.core = found.ellipsoid = contracting(self.precise, metric, self.rng, self._beside(found))
+        elif (inner := contracting(self.precise, metric, self.rng)) is not None:
+            found.ellipsoid, found.core = inner, core_of(self.ensemble, inner, self.rng)
         return found.ellipsoid is not None
 
     def _metric(self, found: Found) -> OrbitEllipsoids | None:
         """Return the metric in which the linearised map contracts; None without one."""
         if found.orbit is None:
-            jacobians = map_jacobians(self.precise, found.points, self.scale)
+            jacobians = map_jacobians(self.precise, found.points, self.scale, found.modes)
             if not np.isfinite(jacobians).all():
                 return None
             found.decay = largest_multiplier(jacobians)
@@ -196,6 +205,13 @@ class PeriodicSearch(FollowedMotions):
             return None
         return metric_of(found.points, jacobians, self.scale)
 
+    def _speeds(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the largest rate of each state, shape (m, n), over an interval between two looks and its scale."""
+        system, names = flowing(self.system), self.system.mode_names
+        fields = [system.field(names[k], row, parameters=self.parameters) for row, k in zip(x, modes, strict=True)]
+        rates = np.abs(np.reshape(fields, x.shape) * self.ensemble.period / self.scale)
+        return np.asarray(rates.max(axis=1, initial=0.0))
+
     def _equilibrium(self, x: NDArray[np.float64], mode: int) -> Found | None:
         """Return the stable equilibrium near a state of a system without a phase."""
         for _ in range(20):
@@ -205,17 +221,16 @@ class PeriodicSearch(FollowedMotions):
                 return None
             if np.max(np.abs(apart) / self.scale) < _REST:
                 break
-            slope = map_jacobians(self.precise, x[None], self.scale)[0] - np.eye(len(x))
+            slope = map_jacobians(self.precise, x[None], self.scale, np.array([mode]))[0] - np.eye(len(x))
             if not np.isfinite(slope).all() or np.linalg.cond(slope) > 1e6:
                 return None
             x = x - np.linalg.solve(slope, apart)
         else:
             return None
-        speed = np.abs(flowing(self.system).field(self.system.mode_names[mode], x, parameters=self.parameters))
-        if float(np.max(speed * self.ensemble.period / self.scale)) > SAME:
+        if self._speeds(x[None], np.array([mode]))[0] > SAME:
             return None
         name = self.system.mode_names[mode]
-        return Found(REST, x[None], None, frozenset([name]), touches=False)
+        return Found(REST, x[None], None, frozenset([name]), touches=False, modes=np.array([mode]))
 
 
 def in_order(points: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:

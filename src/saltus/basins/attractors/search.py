@@ -28,7 +28,7 @@ from saltus.basins.attractors.contraction import check_contraction, nothing_attr
 from saltus.basins.attractors.found import LIMIT_CYCLE, NEAR, REST, SAME, Found, Stay
 from saltus.basins.attractors.periodic import LONGEST, MOST_ATTEMPTS, PeriodicSearch, in_order
 from saltus.ensemble.traps import DIVERGED, Traps
-from saltus.errors import InputError, SaltusError
+from saltus.errors import SaltusError
 from saltus.flow.motion_kind import UNRESOLVED, classify
 from saltus.orbits import PeriodicOrbit, find_orbit
 from saltus.orbits.stability.floquet import nontrivial
@@ -57,8 +57,6 @@ _TRANSIENTS = 16  # transients found after which only periodic orbits count: a g
 _NEUTRAL = 4  # motions of constant volume after which only periodic orbits count
 
 _FOLLOWED = "looking for attractors"  # what a report says of motions from the starts
-_COMMENSURATE = 1e-3  # distance of turns between strobes from a whole number below which strobes see no curve
-_GOLDEN = 0.6180339887  # golden section, by which an interval of strobes is advised
 
 
 class AttractorSearch(PeriodicSearch):
@@ -113,6 +111,7 @@ class AttractorSearch(PeriodicSearch):
             remaining &= ~self._near(x)
         settling = np.zeros(len(x), dtype=bool)
         self._find_long(clouds, x, modes, remaining)
+        sampled, in_vain = self.sampled, 0
         for i in range(len(x)):
             if settling[i] or not remaining[i] or self.neutral >= _NEUTRAL or self._drifts:
                 continue
@@ -123,6 +122,13 @@ class AttractorSearch(PeriodicSearch):
             if any(transient.carries(clouds[i], self.scale) for transient in self.dropped):
                 continue
             if not (cloud := Cloud(clouds[i], self.scale)).stationary():
+                # strobes that nearly lock to a cycle see no curve
+                if not sampled and in_vain < MOST_ATTEMPTS:
+                    found = self._cycle_near(clouds[i, -1], x[i], int(modes[i]))
+                    in_vain += found is None
+                    if found is not None:
+                        self.found.append(found)
+                        remaining[i] = False
                 continue
             members = [j for j in np.flatnonzero(remaining) if j == i or cloud.same(clouds[j])]
             found = self._featured(clouds[i], x[i], int(modes[i]), last=last)
@@ -191,16 +197,21 @@ class AttractorSearch(PeriodicSearch):
         )
         return found if sampled or exponent > criteria.exponent + error else self._as_limit_cycle(found, x, mode)
 
+    def _cycle_near(self, x: NDArray[np.float64], start: NDArray[np.float64], mode: int) -> Found | None:
+        """Return the stable limit cycle on which a motion of a system without a phase is; None without one."""
+        seen = Found(LIMIT_CYCLE, x[None], None, frozenset(), touches=False)
+        found = self._as_limit_cycle(seen, start, mode)
+        if found is None or found.orbit is None or not found.carries(x[None], self.scale):
+            return None
+        form, names = found.orbit.form, self.system.mode_names
+        visited = frozenset(names[k] for k in form.modes)
+        return replace(found, visited=visited, touches=any(k >= 0 for k in form.transitions))
+
     def _as_limit_cycle(self, found: Found, x: NDArray[np.float64], mode: int) -> Found | None:
         """Return the stable limit cycle near a motion; None for a known or unstable one.
 
         Its points are those of the cycle, as the motion may still be on its way to it. Without an orbit nearby, the
         motion is returned as found.
-
-        Raises
-        ------
-        InputError
-            Strobes would see only a few points of the cycle.
         """
         try:
             orbit = find_orbit(flowing(self.system), self.parameters, x, mode=self.system.mode_names[mode])
@@ -210,14 +221,10 @@ class AttractorSearch(PeriodicSearch):
             return None
         if any(other.orbit is not None and _same_cycle(other.orbit, orbit, self.scale) for other in self.found):
             return None
-        turns = np.arange(1, 4 * LONGEST + 1) * self.ensemble.period / orbit.period
-        if float(np.abs(turns - np.round(turns)).min()) < _COMMENSURATE:
-            allowed = f"in no ratio of small integers to the period {orbit.period:.9g} of a limit cycle"
-            raise InputError("interval", self.ensemble.period, allowed, f"try {_GOLDEN * self.ensemble.period:.9g}")
-        path, _, _ = self._path(orbit.x0[None], np.array([orbit.form.modes[0]]), 2 * _WINDOW)
         moduli = np.abs(nontrivial(orbit.multipliers, autonomous=True))
         decay = float(moduli.max(initial=0.0)) ** (self.ensemble.period / orbit.period)
-        return replace(found, kind=LIMIT_CYCLE, points=path[1:, 0], orbit=orbit, decay=decay)
+        cycle = replace(found, kind=LIMIT_CYCLE, orbit=orbit, decay=decay)
+        return replace(cycle, points=cycle.along(2 * _WINDOW))
 
     # ---- transients ----
 

@@ -74,7 +74,7 @@ class Enlarging:
     def __init__(
         self,
         ensemble: Ensemble | MapEnsemble,
-        settles: Callable[[NDArray[np.float64], OrbitEllipsoids, int], NDArray[np.bool_]],
+        settles: Callable[[NDArray[np.float64], NDArray[np.int64], OrbitEllipsoids, int], NDArray[np.bool_]],
         widest: NDArray[np.float64],
         others: NDArray[np.float64],
         rng: np.random.Generator,
@@ -170,7 +170,7 @@ class Enlarging:
 
     def elsewhere(self, region: OrbitEllipsoids, core: OrbitEllipsoids, samples: int) -> tuple[int, int]:
         """Return how many fresh samples in a region do not end in `core`, and from how many a motion may start."""
-        bad, barred = self._bad(region.samples(samples, self.rng), core, self.options.longest)
+        bad, barred = self._bad(region, samples, core, self.options.longest)
         return len(bad), samples - barred
 
     def _larger(self, region: OrbitEllipsoids) -> OrbitEllipsoids | None:
@@ -196,18 +196,22 @@ class Enlarging:
         for count in pieces(samples):
             if sum(map(len, found)) >= enough:
                 break
-            found.append(self._bad(region.samples(count, self.rng), within, longest)[0])
+            found.append(self._bad(region, count, within, longest)[0])
             slow = self.ensemble.left_over > left_over + LEFT_OVER and self.ensemble.work.sum() > work
             if slow and not patient:
                 return None
         return np.concatenate(found)
 
-    def _bad(self, x: NDArray[np.float64], within: OrbitEllipsoids, longest: int) -> tuple[NDArray[np.float64], int]:
-        """Return the states whose motions do not settle, and the count of those from which no motion may start."""
-        bad = ~self.settles(x, within, longest)
+    def _bad(
+        self, region: OrbitEllipsoids, count: int, within: OrbitEllipsoids, longest: int
+    ) -> tuple[NDArray[np.float64], int]:
+        """Return samples whose motions do not settle, and the count of those from which no motion may start."""
+        x, modes = region.samples(count, self.rng), region.modes_of(count)
+        x, modes = x[possible := self.ensemble.allowing(x, modes)], modes[possible]
+        bad = ~self.settles(x, modes, within, longest)
         lost = int(bad.sum())
         bad[bad] = [self.ensemble.admits(row) for row in x[bad]]
-        return x[bad], lost - int(bad.sum())
+        return x[bad], lost - int(bad.sum()) + count - len(x)
 
     def _cut(
         self, region: OrbitEllipsoids, within: OrbitEllipsoids, samples: int, tries: int

@@ -18,6 +18,8 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import EVENT_END, PHASE_END, Signature
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from saltus.ensemble.ensemble import Ensemble
@@ -156,6 +158,10 @@ class OrbitEllipsoids:
             outside = outside[~self._inside(x[outside])[np.arange(len(own)), own]]
         return x
 
+    def modes_of(self, count: int) -> NDArray[np.int64]:
+        """Return the modes of `count` samples, -1 for the first that each allows."""
+        return self.modes[np.arange(count) * len(self.centres) // count]
+
     def half_widths(self) -> NDArray[np.float64]:
         """Return the half widths of the boxes about the ellipsoids, shape (period, n)."""
         return np.asarray(np.sqrt(self.level * (np.linalg.inv(self.metrics) ** 2).sum(axis=2)))
@@ -233,7 +239,10 @@ def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArra
 
 
 def map_jacobians(
-    ensemble: Ensemble | MapEnsemble, points: NDArray[np.float64], scale: NDArray[np.float64]
+    ensemble: Ensemble | MapEnsemble,
+    points: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    modes: NDArray[np.int64] | None = None,
 ) -> NDArray[np.float64]:
     """Return the Jacobians of the map from strobe to strobe at points, by central differences, shape (m, n, n).
 
@@ -245,11 +254,14 @@ def map_jacobians(
         Points at which the map is smooth, as equilibria are.
     scale : ndarray, shape (n,)
         Size of each state.
+    modes : ndarray of int, shape (m,), optional
+        Modes at the points; by default the first that each allows.
     """
     m, n = points.shape
     pushes = np.concatenate([np.diag(_STEP * scale), np.diag(-_STEP * scale)])
-    present = ~ensemble.lacked(points)[:, None, :]  # a state that a mode lacks does not move, and moves nothing
-    images, _ = ensemble.strobe((points[:, None, :] + present * pushes).reshape(-1, n))
+    present = ~ensemble.lacked(points, modes)[:, None, :]  # a state that a mode lacks does not move, and moves nothing
+    starts = None if modes is None else np.repeat(modes, 2 * n)
+    images, _ = ensemble.strobe((points[:, None, :] + present * pushes).reshape(-1, n), starts)
     ahead, behind = np.split(images.reshape(m, 2 * n, n), 2, axis=1)
     return np.asarray(((ahead - behind) / (2.0 * _STEP * scale)[:, None]).transpose(0, 2, 1))
 
@@ -299,33 +311,46 @@ def metric_of(
 
 
 def contracting(
-    ensemble: Ensemble | MapEnsemble, ellipsoid: OrbitEllipsoids, rng: np.random.Generator
+    ensemble: Ensemble | MapEnsemble,
+    ellipsoid: OrbitEllipsoids,
+    rng: np.random.Generator,
+    within: Callable[[NDArray[np.float64]], bool] | None = None,
 ) -> OrbitEllipsoids | None:
     """Return the largest of a ladder of levels at which samples contract, None without one.
 
     A level passes if each of `CONTRACTING` states, uniform in every ellipsoid, has its next strobe nearer to the next
-    point in that point's metric. The next lower level, a quarter of it, must pass too.
+    point in that point's metric. The next lower level, a quarter of it, must pass too. Where `within` is given, it must
+    be true of the samples as well, and each counts, even one from which no motion may start.
     """
     contracts = False
     for rung in range(_RUNGS):
         trial = ellipsoid.at(_LEVELS**-rung)
-        before, contracts = contracts, _contracts(ensemble, trial, rng)
+        before, contracts = contracts, _contracts(ensemble, trial, rng, within)
         if before and contracts:
             return ellipsoid.at(_LEVELS ** (1 - rung))
     return None
 
 
-def _contracts(ensemble: Ensemble | MapEnsemble, ellipsoid: OrbitEllipsoids, rng: np.random.Generator) -> bool:
+def _contracts(
+    ensemble: Ensemble | MapEnsemble,
+    ellipsoid: OrbitEllipsoids,
+    rng: np.random.Generator,
+    within: Callable[[NDArray[np.float64]], bool] | None,
+) -> bool:
     period = len(ellipsoid.centres)
     x = ellipsoid.samples(period * CONTRACTING, rng)
     which = np.repeat(np.arange(period), CONTRACTING)
-    rows = np.arange(len(x))
+    if within is None:
+        x, which = x[possible := ensemble.allowing(x, ellipsoid.modes[which])], which[possible]
+    elif not within(x):
+        return False
+    modes, rows = ellipsoid.modes[which], np.arange(len(x))
     before = ellipsoid.sizes(x)[rows, which]
-    after = ellipsoid.sizes(ensemble.strobe(x)[0])[rows, (which + 1) % period]
+    after = ellipsoid.sizes(ensemble.strobe(x, modes)[0])[rows, (which + 1) % period]
     clear = before > _CLEAR * ellipsoid.level
     # NaN, where a motion diverges, is not less
     contracts = (after < ellipsoid.level) & (~clear | (after < before))
-    return bool(contracts.any()) and not any(ensemble.admits(row) for row in x[~contracts])
+    return bool(contracts.any()) and not any(within is not None or ensemble.admits(row) for row in x[~contracts])
 
 
 def core_of(ensemble: Ensemble | MapEnsemble, inner: OrbitEllipsoids, rng: np.random.Generator) -> OrbitEllipsoids:
@@ -335,7 +360,8 @@ def core_of(ensemble: Ensemble | MapEnsemble, inner: OrbitEllipsoids, rng: np.ra
     core is all of `inner`.
     """
     x = inner.samples(len(inner.centres) * _CORE_SAMPLES, rng)
-    modes, typical = None, inner.level
+    modes, typical = inner.modes_of(len(x)), inner.level
+    x, modes = x[possible := ensemble.allowing(x, modes)], modes[possible]
     for _ in range(_STRETCHES):
         x, modes = ensemble.strobe(x, modes, _STRETCH)
         typical = float(np.median(np.nan_to_num(inner.sizes(x).min(axis=1), nan=np.inf)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,6 +11,8 @@ from saltus.ensemble.traps import Cells
 from saltus.result import frozen
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from saltus.ensemble.ensemble import Ensemble
@@ -44,6 +47,7 @@ def boxes_along(
     scale: NDArray[np.float64],
     visits: int,
     rng: np.random.Generator,
+    curves: Mapping[int, NDArray[np.float64]] = MappingProxyType({}),
 ) -> Boxes:
     """Return the finest boxes along attractors that hold nearly all of their strobes: docs/theory/basins.md.
 
@@ -60,8 +64,11 @@ def boxes_along(
     visits : int
         Strobes in a row that a motion must be seen in one attractor's boxes.
     rng : numpy.random.Generator
+    curves : mapping of int to ndarray, shape (k, n), optional
+        States all along cycles, by label: strobes that are locked to a cycle see only some.
     """
     seen, fresh = ({label: _followed(ensemble, cloud, rng) for label, cloud in clouds.items()} for _ in range(2))
+    seen = {label: np.concatenate([cloud, curves.get(label, cloud[:0])]) for label, cloud in seen.items()}
     extents = [np.ptp(cloud, axis=0) for cloud in seen.values()]
     widest = np.maximum(np.min(extents, axis=0), 1e-3 * np.max(extents, axis=0))
     widest = np.maximum(widest, _EXTENT * scale)
@@ -94,11 +101,12 @@ def _followed(
     """Return strobes of motions from beside an attractor, after their return and decorrelation."""
     starts = cloud[:: -(-len(cloud) // _MOTIONS)]
     pushes = _PUSH * np.ptp(cloud, axis=0) * rng.standard_normal(starts.shape) * ~ensemble.lacked(starts)
-    x, _ = ensemble.strobe(starts + pushes, count=_FORGOTTEN)
-    x = x[np.isfinite(x).all(axis=1)]
+    x, modes = ensemble.strobe(starts + pushes, count=_FORGOTTEN)
+    kept = np.isfinite(x).all(axis=1)
+    x, modes = x[kept], modes[kept]
     states = []
     for _ in range(-(-_POINTS // len(x))):
-        x, _ = ensemble.strobe(x)
+        x, modes = ensemble.strobe(x, modes)
         states.append(x)
     return np.concatenate(states)
 

@@ -14,9 +14,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from saltus import checks
+from saltus.basins.attractors.closed_sides import ClosedSides
 from saltus.basins.attractors.trap_files import check_traps, traps_as_data, traps_from_data
+from saltus.ensemble.ensemble import limit_at
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import InputError
+from saltus.flow.starting import allowed_modes
 from saltus.system import HybridSystem, Map
 from saltus.system.maps import flowing
 from saltus.system.plain import all_parameters, system_from
@@ -131,6 +134,10 @@ class Labelling:
         labels, _ = self.ensemble.settle(points, self.traps, self.longest)
         return np.asarray(labels, dtype=np.uint8)
 
+    def from_each_mode(self, point: NDArray[np.float64]) -> list[int]:
+        """Return the labels of the motions that start at a point, shape (n,), one for each mode that it allows."""
+        return _from_each_mode(self.system, self, point)
+
     def stricter(self, tolerance: float, points: Mapping[int, ArrayLike]) -> Labelling:
         """Return a labelling on the processor by regions that reach a tenth as far from the attractors.
 
@@ -156,11 +163,14 @@ class Labelling:
     def undecided(self, points: NDArray[np.float64]) -> str:
         """Return why motions from points, shape (m, n), end in no trapping region, in words."""
         ensemble = replace(self, engine="cpu").ensemble
-        labels, states, _ = ensemble.arrivals(points, self.traps, self.longest)
+        labels, states, modes = ensemble.arrivals(points, self.traps, self.longest)
         lost = (labels == UNDECIDED) & ~np.isfinite(states).all(axis=1)
         barred = [not ensemble.admits(x) for x in points[lost]]
+        late = (labels == UNDECIDED) & ~lost
+        beyond = _beyond(self.system, self, states[late], modes[late])
         reasons = {
-            f"reach no trapping region within {self.longest} periods": int((labels == UNDECIDED).sum() - lost.sum()),
+            f"reach no trapping region within {self.longest} periods": int(late.sum()) - beyond,
+            "stay beyond an event of their mode": beyond,
             "start outside the domains of all modes": sum(barred),
             "meet events that accumulate": len(barred) - sum(barred),
         }
@@ -239,6 +249,7 @@ class Labelling:
 def _ensemble(system: HybridSystem | Map, labelling: Labelling) -> Any:
     options: dict[str, Any] = {
         "tolerance": labelling.tolerance, "interval": labelling.interval, "scale": labelling.scale,
+        "limit": _within(labelling),
     }  # fmt: skip
     if labelling.engine == "cuda":
         from saltus.ensemble.cuda import CudaEnsemble
@@ -249,13 +260,53 @@ def _ensemble(system: HybridSystem | Map, labelling: Labelling) -> Any:
     return Ensemble(flowing(system), labelling.parameters, threads=labelling.threads, **options)
 
 
+def _within(labelling: Labelling) -> float:
+    """Return the size of a state that an engine calls diverged, even between strobes; the traps' is never above it."""
+    system = labelling.system
+    scale = np.ones(len(system.states)) if labelling.scale is None else np.array(labelling.scale)
+    usual = limit_at(system, system.parameter_vector(labelling.parameters), scale, None)
+    return usual if labelling.traps.limit == math.inf else max(usual, labelling.traps.limit)
+
+
 @_ensemble.register(Map)
 def _ensemble_of_map(system: Map, labelling: Labelling) -> Any:
     from saltus.ensemble.map_ensemble import MapEnsemble
 
     if labelling.engine != "cpu":
         raise InputError("BasinOptions.engine", labelling.engine, "'cpu' or 'dask' for a map")
-    return MapEnsemble(system, labelling.parameters, scale=labelling.scale, threads=labelling.threads)
+    return MapEnsemble(
+        system, labelling.parameters, scale=labelling.scale, limit=_within(labelling), threads=labelling.threads
+    )
+
+
+@singledispatch
+def _beyond(system: HybridSystem | Map, labelling: Labelling, x: NDArray[np.float64], modes: NDArray[np.int64]) -> int:
+    """Return how many states, shape (m, n), in their modes, lie beyond an event to whose other side no motion comes."""
+    if not len(x):
+        return 0
+    system, low, high = flowing(system), x.min(axis=0), x.max(axis=0)
+    sizes = np.ones(x.shape[1]) if labelling.scale is None else np.array(labelling.scale)
+    sides = ClosedSides(system, system.parameter_vector(labelling.parameters), low, high, sizes)
+    return sum(sides.hold(row, system.mode_names[mode]) for row, mode in zip(x, modes.tolist(), strict=True))
+
+
+@_beyond.register(Map)
+def _of_no_events(system: Map, labelling: Labelling, x: NDArray[np.float64], modes: NDArray[np.int64]) -> int:
+    return 0
+
+
+@singledispatch
+def _from_each_mode(system: HybridSystem | Map, labelling: Labelling, point: NDArray[np.float64]) -> list[int]:
+    system = flowing(system)
+    modes = list(allowed_modes(system, system.full_state(point), system.parameter_vector(labelling.parameters)))
+    points = np.broadcast_to(point, (len(modes), point.size))
+    labels: NDArray[np.uint8] = labelling.ensemble.settle(points, labelling.traps, labelling.longest, modes)[0]
+    return [int(label) for label in labels]
+
+
+@_from_each_mode.register(Map)
+def _of_a_map(system: Map, labelling: Labelling, point: NDArray[np.float64]) -> list[int]:
+    return [int(label) for label in labelling.of(point[None])]
 
 
 def units_of(sizes: Sequence[float] | None) -> tuple[float, ...] | None:

@@ -306,7 +306,7 @@ def settings_of(
     return Labelling(
         system,
         system.resolve(parameters),
-        Traps(len(system.states)),
+        Traps(len(system.states), limit=options.limit or math.inf),
         options.interval,
         options.tolerance,
         options.longest or 0,
@@ -358,6 +358,8 @@ def attractors_for(
         settings.check_engine()
         if settings.interval is not None:
             wanted["options"] = replace(wanted["options"], interval=settings.interval)
+        if settings.traps.limit < math.inf:
+            wanted["options"] = replace(wanted["options"], limit=settings.traps.limit)
         found = find_attractors(settings.system, settings.parameters, progress=progress, **wanted)
     if not isinstance(getattr(found, "traps", None), Traps):
         kind, hint = type(found).__name__, "attractors_from makes one of known orbits"
@@ -374,7 +376,8 @@ def with_traps(settings: Labelling, found: Any, grid: Grid) -> tuple[Labelling, 
     given = Patience(settings.longest, "as given")
     patience = given if settings.longest else patience_for(found, grid.box)
     scale = units_of(getattr(found, "scale", None))
-    settled = replace(settings, traps=found.traps, interval=found.interval, longest=patience.periods, scale=scale)
+    traps = found.traps if settings.traps.limit == math.inf else replace(found.traps, limit=settings.traps.limit)
+    settled = replace(settings, traps=traps, interval=found.interval, longest=patience.periods, scale=scale)
     return settled, patience.reason
 
 
@@ -420,7 +423,9 @@ def _check_attractors(labelling: Labelling, attractors: Any) -> None:
             raise InputError("attractors", f"{name} = {theirs[name]!r}", f"of these parameters: {name} = {value!r}")
     for name in attractors.names:
         points, label = np.atleast_2d(attractors.points[name]), attractors.labels[name]
-        ends = labelling.of(points[:: max(len(points) // _SHOWN, 1)])
-        if (wrong := ends[(ends != label) & (ends != UNDECIDED)]).size:
-            told = {value: key for key, value in attractors.labels.items()}
-            raise InputError("attractor", name, "one", f"a motion that starts on it ends as {told[int(wrong[0])]!r}")
+        shown = points[:: max(len(points) // _SHOWN, 1)]
+        ends = labelling.of(shown)
+        for i in np.flatnonzero((ends != label) & (ends != UNDECIDED)):
+            if label not in labelling.from_each_mode(shown[i]):
+                told = {value: key for key, value in attractors.labels.items()}
+                raise InputError("attractor", name, "one", f"a motion that starts on it ends as {told[int(ends[i])]!r}")

@@ -38,6 +38,9 @@ class BasinOptions:
         and follows only motions next to cells of different labels. All other cells take the label that surrounds them.
         It follows 12 per cent of the motions, and up to 60 on coarse grids in four dimensions. Where basins are
         fractal, 0.5 to 2 per cent of the labels are wrong.
+    limit : float, optional
+        Size beyond which a state that grows has diverged; by default that of the search for the attractors, see
+        `AttractorOptions`.
     interval : float, optional
         Time between two strobes of a system without a phase, for the search for attractors. Given or stored attractors
         have their own interval.
@@ -58,6 +61,7 @@ class BasinOptions:
     longest: int | None = None
     tolerance: float = TOLERANCE
     preview: bool = False
+    limit: float | None = None
     interval: float | None = None
 
     def __post_init__(self) -> None:
@@ -69,5 +73,7 @@ class BasinOptions:
         tolerance = checks.between("BasinOptions.tolerance", self.tolerance, *TOLERANCES)
         object.__setattr__(self, "tolerance", tolerance)
         object.__setattr__(self, "preview", checks.flag("BasinOptions.preview", self.preview))
+        if self.limit is not None:
+            object.__setattr__(self, "limit", checks.positive("BasinOptions.limit", self.limit))
         if self.interval is not None:
             object.__setattr__(self, "interval", checks.positive("BasinOptions.interval", self.interval))
