@@ -127,8 +127,26 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
         turns=turns,
         rotating=rotating_of(problem, u),
         tolerance=problem.tol,
-        errors=problem.tol * problem.state_scale,
+        errors=_errors(problem, steps.ends),
     )
+
+
+def _errors(problem: OrbitProblem, ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return errors of the states, shape (state,): those of a step, or what they miss a surface by at an end.
+
+    What a flow magnifies, as the upstroke of a neuron, is seen there: the segment ends beside the surface.
+    """
+    scale, n = np.asarray(problem.state_scale), problem.n
+    errors, event = problem.tol * scale, np.empty(2 + 2 * n)
+    for transition, end in zip(problem.signature.transitions, ends, strict=True):
+        if transition >= 0:
+            x = np.ascontiguousarray(end)
+            problem.system.compiled.call("event_x", transition, 0, x, problem.extended, event)
+            gradient = scale * event[2 : 2 + n]  # the least change of the states, over their sizes, that mends it
+            steep = float(gradient @ gradient)
+            missed = scale * np.abs(event[0] * gradient) / steep if steep > 0.0 else np.zeros(n)
+            errors = np.maximum(errors, np.where(np.isfinite(missed), missed, 0.0))
+    return errors
 
 
 class Steps(NamedTuple):
