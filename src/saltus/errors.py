@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import reprlib
 from collections.abc import Iterable
 from itertools import islice
@@ -28,6 +29,7 @@ _LONGEST_NAME = 60  # characters of a message that name the argument, at most
 _LONGEST_VALUE = 120  # characters of a message that show the value, at most
 _LONGEST_HINT = 90  # characters of the hint, at most, where the message as a whole is too long
 _LONGEST_STATE = 140  # characters of a message that show a state, at most: some seven components with all digits
+_SHORTEST_STATE = 40  # characters that a state has in any case: two components
 _LONGEST = 299  # characters of a message, at most
 _LONGEST_TEXT = 1000  # characters of the longest text for which a similar name is sought
 
@@ -260,9 +262,9 @@ class ConvergenceError(SaltusError):
     what : str
         What was sought.
     residual : float
-        Norm of the residual reached.
+        Norm of the residual reached; 0, infinite or NaN where another reason than the residual is in the hint.
     iterations : int
-        Iterations spent.
+        Iterations spent; 0 where none were.
     hint : str, optional
         What to try.
     unit : str, optional
@@ -292,7 +294,11 @@ class ConvergenceError(SaltusError):
 
     def __str__(self) -> str:
         what, residual, iterations, hint = self.args
-        text = f"{what}: no convergence, residual {residual:.3g} after {iterations} {self.unit}"
+        text = f"{what}: no convergence, residual {residual:.3g}"
+        if residual == 0.0 or not math.isfinite(residual):  # no residual says why
+            text = f"{what}: not found"
+        if iterations:
+            text += f" after {iterations} {self.unit}"
         return shortened(text + (f"; {hint}" if hint else ""), _LONGEST)
 
 
@@ -322,8 +328,7 @@ class DivergenceError(_MotionError):
 
     def __str__(self) -> str:
         time, state, mode, reason = self.args
-        where = f"t = {time:.12g} in mode {mode!r}, state {shortened(str(list(state)), _LONGEST_STATE)}"
-        return shortened(f"the trajectory diverges at {where}: {reason}", _LONGEST)
+        return _ended(f"the trajectory diverges at t = {time:.12g} in mode {mode!r}, state ", state, reason)
 
 
 class MapDivergenceError(DivergenceError):
@@ -364,8 +369,14 @@ class MapDivergenceError(DivergenceError):
 
     def __str__(self) -> str:
         step, state, reason = self.args
-        where = f"iteration {step}, state {shortened(str(list(state)), _LONGEST_STATE)}"
-        return shortened(f"the motion diverges at {where}: {reason}", _LONGEST)
+        return _ended(f"the motion diverges at iteration {step}, state ", state, reason)
+
+
+def _ended(where: str, state: Iterable[float], reason: str) -> str:
+    """Return the message of a motion that ended: the state gives way before the reason, which names formulas."""
+    room = _LONGEST - len(where) - len(reason) - 2
+    told = shortened(str(list(state)), min(_LONGEST_STATE, max(room, _SHORTEST_STATE)))
+    return shortened(f"{where}{told}: {reason}", _LONGEST)
 
 
 class _Short(reprlib.Repr):
@@ -411,8 +422,8 @@ def shown(value: object) -> str:
     --------
     >>> shown({"d": [1.0, None]}), shown(10**5000)
     ("{'d': [1.0, None]}", 'an integer of 16610 bits')
-    >>> len(shown("long " * 1000))
-    120
+    >>> len(shown("long " * 1000)) <= 120
+    True
     """
     try:
         text = _SHORT.repr(value)
@@ -424,16 +435,23 @@ def shown(value: object) -> str:
 def shortened(text: str, most: int) -> str:
     """Return a text of at most `most` characters, its middle left out where it is longer.
 
+    Whole words are left out, but of words that are longer than half of what is shown.
+
     Examples
     --------
     >>> shortened("one of alpha, beta, gamma, delta", 20)
-    'one of al..., delta'
+    'one of ... delta'
     """
     text = str(text)
     if len(text) <= most:
         return text
     end = (most - 3) // 2
-    return f"{text[: most - 3 - end]}...{text[len(text) - end :]}"
+    head, tail = text[: most - 3 - end], text[len(text) - end :]
+    if not text[len(head)].isspace():
+        head = head[: max(head.rfind(" ") + 1, 0)] if head.rfind(" ") >= len(head) // 2 else head
+    if not text[len(text) - end - 1].isspace():
+        tail = tail[tail.find(" ") :] if 0 <= tail.find(" ") <= len(tail) // 2 else tail
+    return f"{head}...{tail}"
 
 
 def nearest(name: object, names: Iterable[str]) -> str:
