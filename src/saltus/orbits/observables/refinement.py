@@ -1,7 +1,7 @@
 """Steps of an orbit divided where expressions along it ask for it, so that its variations are integrated as they are.
 
 The kernel of derivatives looks at some places in each step. That is enough for states and polynomials. A step that
-holds a peak, a kink or a wave of another expression is divided as for the value itself, and its dense output with it.
+holds a peak, a kink or a wave of another expression is divided, as for the value. So is its dense output.
 """
 
 from __future__ import annotations
