@@ -57,3 +57,29 @@ def test_values_are_shown_in_a_line_whatever_they_are():
         text = shown(value)
         assert "\n" not in text
         assert len(text) <= 130
+
+
+@pytest.mark.parametrize("residual", [0.0, np.inf, np.nan])
+def test_what_has_no_residual_is_not_said_to_have_failed_by_one(residual):
+    told = str(ConvergenceError("cycle at the Hopf point", residual, 0, "it has no imaginary pair"))
+    assert told == "cycle at the Hopf point: not found; it has no imaginary pair"
+
+
+@pytest.mark.parametrize("most", range(26, 80))
+def test_a_long_text_is_cut_between_words(most):
+    text = "the argument of a root is negative: a0_nm - z1_nm + 2*sin(theta) is -0.5 in (a0_nm - z1_nm)**0.5"
+    told = errors.shortened(text, most)
+    head, tail = told.split("...")
+    assert len(told) <= most
+    assert {*head.split(), *tail.split()} <= set(text.split())
+
+
+def test_a_single_long_word_is_cut_where_it_must():
+    assert errors.shortened("x" * 100, 21) == "x" * 9 + "..." + "x" * 9
+
+
+def test_of_a_motion_that_diverges_the_reason_is_told_whole():
+    reason = "the argument of a root is negative: Zc_nm - a0_nm - z1_nm is -0.001 in (Zc_nm - a0_nm - z1_nm)**(3/2)"
+    told = str(errors.DivergenceError(1.0 / 3.0, [0.1 + k / 3.0 for k in range(12)], "contact", reason))
+    assert told.endswith(reason)
+    assert len(told) < 300

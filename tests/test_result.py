@@ -51,7 +51,7 @@ def test_a_file_says_which_version_wrote_it_and_what_it_holds(found, tmp_path):
 
 @pytest.mark.parametrize("name", ["a.csv", "a.PNG"])
 def test_a_name_of_another_format_is_refused(found, tmp_path, name):
-    with pytest.raises(InputError, match=r"a name of a NetCDF file, as 'result.nc'; to_xarray\(\).to_dataframe"):
+    with pytest.raises(InputError, match=r"a name of a NetCDF file, as 'result.nc'; to_xarray\(\)\[\["):
         found.save(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import reprlib
 from collections.abc import Iterable
 from itertools import islice
@@ -28,6 +29,7 @@ _LONGEST_NAME = 60  # characters of a message that name the argument, at most
 _LONGEST_VALUE = 120  # characters of a message that show the value, at most
 _LONGEST_HINT = 90  # characters of the hint, at most, where the message as a whole is too long
 _LONGEST_STATE = 140  # characters of a message that show a state, at most: some seven components with all digits
+_SHORTEST_STATE = 40  # characters that a state has in any case: two components
 _LONGEST = 299  # characters of a message, at most
 _LONGEST_TEXT = 1000  # characters of the longest text for which a similar name is sought
 
@@ -144,10 +146,8 @@ class ChatteringError(_MotionError):
 
     Examples
     --------
-    >>> from saltus.errors import ChatteringError
-    >>> error = ChatteringError(2.5, [0.0, 1e-9], "flight", "impact")
-    >>> error.transition, error.time, error.mode
-    ('impact', 2.5, 'flight')
+    >>> ChatteringError(2.5, [0.0, 1e-9], "flight", "impact").transition
+    'impact'
     """
 
     @property
@@ -178,10 +178,8 @@ class StickingError(ChatteringError):
 
     Examples
     --------
-    >>> from saltus.errors import StickingError
-    >>> error = StickingError(1.0, [0.2, 0.0], "smooth", "v")
-    >>> error.surface, error.time
-    ('v', 1.0)
+    >>> StickingError(1.0, [0.2, 0.0], "smooth", "v").surface
+    'v'
     """
 
     def __init__(self, time: float, state: Iterable[float], mode: str, surface: str, lines: str = "") -> None:
@@ -222,10 +220,8 @@ class StiffnessError(_MotionError):
 
     Examples
     --------
-    >>> from saltus.errors import StiffnessError
-    >>> error = StiffnessError(0.5, [1.0], "smooth", 1000)
-    >>> error.steps, error.time, error.stiff
-    (1000, 0.5, False)
+    >>> StiffnessError(0.5, [1.0], "smooth", 1000).steps
+    1000
     """
 
     def __init__(
@@ -260,9 +256,9 @@ class ConvergenceError(SaltusError):
     what : str
         What was sought.
     residual : float
-        Norm of the residual reached.
+        Norm of the residual reached; 0, infinite or NaN where another reason than the residual is in the hint.
     iterations : int
-        Iterations spent.
+        Iterations spent; 0 where none were.
     hint : str, optional
         What to try.
     unit : str, optional
@@ -292,7 +288,9 @@ class ConvergenceError(SaltusError):
 
     def __str__(self) -> str:
         what, residual, iterations, hint = self.args
-        text = f"{what}: no convergence, residual {residual:.3g} after {iterations} {self.unit}"
+        failed = residual != 0.0 and math.isfinite(residual)  # else no residual says why
+        text = f"{what}: no convergence, residual {residual:.3g}" if failed else f"{what}: not found"
+        text += f" after {iterations} {self.unit}" if iterations else ""
         return shortened(text + (f"; {hint}" if hint else ""), _LONGEST)
 
 
@@ -312,9 +310,8 @@ class DivergenceError(_MotionError):
 
     Examples
     --------
-    >>> error = DivergenceError(1.0, [1e9], "smooth", "a state is beyond every bound")
-    >>> error.time, error.state
-    (1.0, (1000000000.0,))
+    >>> DivergenceError(1.0, [1e9], "smooth", "a state is beyond every bound").time
+    1.0
     """
 
     def __init__(self, time: float, state: Iterable[float], mode: str, reason: str) -> None:
@@ -322,8 +319,7 @@ class DivergenceError(_MotionError):
 
     def __str__(self) -> str:
         time, state, mode, reason = self.args
-        where = f"t = {time:.12g} in mode {mode!r}, state {shortened(str(list(state)), _LONGEST_STATE)}"
-        return shortened(f"the trajectory diverges at {where}: {reason}", _LONGEST)
+        return _ended(f"the trajectory diverges at t = {time:.12g} in mode {mode!r}, state ", state, reason)
 
 
 class MapDivergenceError(DivergenceError):
@@ -331,22 +327,13 @@ class MapDivergenceError(DivergenceError):
 
     Parameters
     ----------
-    step : int
-        Iterations made.
-    state : sequence of float
-        State there.
-    reason : str
-        What was seen.
+    step, state, reason : int, sequence of float, str
+        Iterations made, the state there, what was seen.
 
     Examples
     --------
-    >>> import saltus
-    >>> doubling = saltus.Map(("x",), {}, {"x": "2*x"})
-    >>> try:
-    ...     saltus.iterate(doubling, x0=[1.0], n=5000)
-    ... except saltus.errors.MapDivergenceError as error:
-    ...     print(error.step > 100)
-    True
+    >>> MapDivergenceError(1024, [1e300], "a state is beyond every bound").step
+    1024
     """
 
     def __init__(self, step: int, state: Iterable[float], reason: str) -> None:
@@ -364,8 +351,14 @@ class MapDivergenceError(DivergenceError):
 
     def __str__(self) -> str:
         step, state, reason = self.args
-        where = f"iteration {step}, state {shortened(str(list(state)), _LONGEST_STATE)}"
-        return shortened(f"the motion diverges at {where}: {reason}", _LONGEST)
+        return _ended(f"the motion diverges at iteration {step}, state ", state, reason)
+
+
+def _ended(where: str, state: Iterable[float], reason: str) -> str:
+    """Return the message of a motion that ended: the state gives way before the reason, which names formulas."""
+    room = _LONGEST - len(where) - len(reason) - 2
+    told = shortened(str(list(state)), min(_LONGEST_STATE, max(room, _SHORTEST_STATE)))
+    return shortened(f"{where}{told}: {reason}", _LONGEST)
 
 
 class _Short(reprlib.Repr):
@@ -411,8 +404,8 @@ def shown(value: object) -> str:
     --------
     >>> shown({"d": [1.0, None]}), shown(10**5000)
     ("{'d': [1.0, None]}", 'an integer of 16610 bits')
-    >>> len(shown("long " * 1000))
-    120
+    >>> len(shown("long " * 1000)) <= 120
+    True
     """
     try:
         text = _SHORT.repr(value)
@@ -424,16 +417,23 @@ def shown(value: object) -> str:
 def shortened(text: str, most: int) -> str:
     """Return a text of at most `most` characters, its middle left out where it is longer.
 
+    Whole words are left out, but of words that are longer than half of what is shown.
+
     Examples
     --------
     >>> shortened("one of alpha, beta, gamma, delta", 20)
-    'one of al..., delta'
+    'one of ... delta'
     """
     text = str(text)
     if len(text) <= most:
         return text
     end = (most - 3) // 2
-    return f"{text[: most - 3 - end]}...{text[len(text) - end :]}"
+    head, tail = text[: most - 3 - end], text[len(text) - end :]
+    if not text[len(head)].isspace() and head.rfind(" ") >= len(head) // 2:
+        head = head[: head.rfind(" ") + 1]
+    if not text[len(text) - end - 1].isspace() and 0 <= tail.find(" ") <= len(tail) // 2:
+        tail = tail[tail.find(" ") :]
+    return f"{head}...{tail}"
 
 
 def nearest(name: object, names: Iterable[str]) -> str:

@@ -162,7 +162,9 @@ class Result(ABC):
         """
         path = checks.path("path", path)
         if path.suffix.lower() in _OTHER_FORMATS:
-            hint = "to_xarray().to_dataframe().to_csv(...) writes a table, and plot() a picture"
+            tables = "to_dataframe()" if hasattr(self, "to_dataframe") else "to_xarray()[['NAME', ...]].to_dataframe()"
+            several = "" if hasattr(self, "to_dataframe") else " of variables with the same dimensions"
+            hint = f"{tables}.to_csv(...) writes a table{several}, and plot() a picture"
             raise InputError("path", str(path), "a name of a NetCDF file, as 'result.nc'", hint)
         write_sealed(path, netcdf({"": tagged(self)}))
         return path

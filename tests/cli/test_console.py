@@ -91,10 +91,11 @@ def test_usage_errors_leave_with_2(capsys, args, message):
 def test_files_and_special_points_are_printed(capsys, tmp_path, figure):
     code, out, err = run_command(capsys, "reproduce", "fig3", "-o", str(tmp_path / "new" / "folder"))
     assert (code, err) == (0, "")
+    assert out.startswith(f"folder   {tmp_path / 'new' / 'folder'}\n")
     assert f"written  {tmp_path / 'new' / 'folder' / 'fig3.nc'}\n" in out
     row = next(line for line in out.splitlines() if "SN" in line)
     assert row.split() == ["SN", "0.9160552968", "0.011600000", "flight:theta", "yes"]
-    assert max(map(len, out.splitlines()[:-1])) <= 80
+    assert max(map(len, out.splitlines()[1:-1])) <= 80
 
 
 def test_a_figure_without_special_points_prints_its_numbers(capsys, tmp_path, figure):

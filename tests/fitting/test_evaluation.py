@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from saltus import ConvergenceError, MeasuredPoint, continue_orbit, find_orbit
+from saltus import (
+    ConvergenceError,
+    HybridSystem,
+    MeasuredPoint,
+    Mode,
+    Transition,
+    continue_orbit,
+    find_orbit,
+    solve_orbit,
+)  # fmt: skip
 from saltus.fitting.evaluation import Evaluation
 from saltus.fitting.measured import read_measured
 
@@ -195,3 +204,59 @@ def test_a_special_point_that_the_model_lacks_counts_with_the_range_of_the_data(
     assert found.special == [None]
     assert found.residuals[-1] == pytest.approx(span / 0.25)
     assert found.jacobian[-1].tolist() == [0.0] * 3
+
+
+@pytest.fixture(scope="module")
+def peaked():
+    """Orbits x = A sin(s) in closed form, with a peak, a kink and an output for each mode."""
+    field = {"x": "w*A*cos(s) - (x - A*sin(s))"}
+    outputs = {
+        "peak": "1/(1 + (40*(x - c))**2)", "kink": "Max(x, c*sin(s))", "lower": {"low": "0", "high": "x - b"},
+    }  # fmt: skip
+    events = [Transition("low", "high", "x - b", 1, name="up"), Transition("high", "low", "x - b", -1, name="down")]
+    return HybridSystem(
+        ("x",), {"A": 0.8, "w": 1.3, "c": 0.3, "b": 0.2}, {"low": Mode(field), "high": Mode(field)}, events,
+        phase=("s", "w"), outputs=outputs,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("tolerance", [1e-12, 1e-9, 1e-7, 1e-5])
+def test_what_is_compared_with_data_is_what_orbits_are_observed_to_have(peaked, tolerance):
+    names = (
+        "mean(peak)",
+        "max(peak)",
+        "amplitude(peak, 2)",
+        "mean(kink)",
+        "mean(lower)",
+        "max(lower)",
+        "fraction(high)",
+    )
+    branch = continue_orbit(find_orbit(peaked, {"A": 0.8}, [0.0], tolerance=tolerance), "A", (0.6, 1.0))
+    places = np.array([0.65, 0.75, 0.9])
+    data = {"A": places, **dict.fromkeys(names, np.zeros(3))}
+    measured = read_measured(data, "A", branch.system, dict.fromkeys(names, 1.0), {}, {})
+    found = Evaluation(measured, (branch,), ("c", "b"))
+    for i, place in enumerate(places):
+        (orbit,) = branch.at(place)
+        told = orbit.observe(*names, errors=True)
+        for formula, value, slopes in zip(measured.formulas, found.seen[:, i], found.jacobian[i::3], strict=True):
+            assert abs(value - told[formula].value) <= told[formula].error, formula
+            for k, name in enumerate(("c", "b")):
+                assert slopes[k] == pytest.approx(
+                    difference(orbit, formula, name), rel=1e-6, abs=difference_error(tolerance)
+                )
+
+
+def difference_error(tolerance: float) -> float:
+    """Error of a derivative by differences, and of a peak of width 1/40 by the errors of the states."""
+    return 1e-6 + 40.0**2 * 1e2 * tolerance
+
+
+def difference(orbit, formula: str, name: str) -> float:
+    """Derivative by central differences of orbits that are solved at the finest tolerance."""
+    step, ends = 1e-5, []
+    for side in (1.0, -1.0):
+        p = dict(orbit.parameters) | {name: orbit.parameters[name] + side * step}
+        guess = [(part.mode, part.transition, part.state, part.duration) for part in orbit.segments]
+        ends.append(solve_orbit(orbit.system, p, guess).observe(formula)[formula])
+    return (ends[0] - ends[1]) / (2.0 * step)

@@ -172,3 +172,16 @@ def test_an_orbit_of_too_many_transitions_is_told_before_its_equations_are_made(
     system = HybridSystem(("x", "y"), {}, {"m": Mode(field)}, ticks, phase=("s", "1"))
     with pytest.raises(ConvergenceError, match="segments of the orbit = [0-9]+: must be at most 3; its"):
         find_orbit(system, {}, [0.5, 1.0], settle=60)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-9, 1e6])
+def test_a_start_behind_a_wall_is_told_with_its_transition(unit):
+    wall = Transition("free", "free", event="x - d", direction=1, reset={"v": "-0.8*v"}, name="impact")
+    field = {"x": "v", "v": "A*cos(s) - 0.1*v - x"}
+    struck = HybridSystem(("x", "v"), {"d": unit, "w": 1.1, "A": unit}, {"free": Mode(field)}, [wall], phase=("s", "w"))
+    with pytest.warns(
+        RuntimeWarning, match=r"starts behind event 'impact' of mode 'free', where its function is"
+    ) as told:
+        find_orbit(struck, x0=[2.0 * unit, 0.0])
+    assert [one.filename for one in told] == [__file__]
+    find_orbit(struck, x0=[unit, -0.5 * unit])

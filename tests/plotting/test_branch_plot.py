@@ -192,7 +192,7 @@ def test_axes_are_named_and_greek(tapping):
 def test_default_axes_are_the_parameter_and_the_first_output(tapping, branch):
     assert tapping.plot().get_ylabel() == "min $z$"
     ax = branch.plot()
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$A$", "max $x$")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$A$", "min $x$")  # the wall holds the greatest x
 
 
 def test_given_axes_are_used_and_options_leave_out_points_and_legend(branch):

@@ -138,7 +138,7 @@ def test_another_parameter_that_varies_can_be_the_depth(family):
 
 def test_axes_and_legend_name_what_is_drawn(family):
     ax = family.plot()
-    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("$A$", "$d$", "max $x$")
+    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("$A$", "$d$", "min $x$")
     (legend,) = ax.figure.legends
     texts = [text.get_text() for text in legend.get_texts()]
     assert texts == ["stable", "unstable", "SN, saddle-node", "PD, period doubling", "GR, grazing"]

@@ -62,7 +62,30 @@ def test_the_lower_panel_is_the_leading_exponent_per_return(sweep):
     ax = sweep.plot()
     line = drawn(ax.figure.axes[2], "up")
     assert line[-1, 1] == pytest.approx(np.log(2.0), abs=0.2)  # at a = 4
-    np.testing.assert_allclose(line[:, 1], sweep.exponents[0, :, 0] * sweep.return_times[0])
+    leading, error = sweep.exponents[0, :, 0], sweep.errors[0, :, 0]
+    told = np.where(np.abs(leading) > error, leading * sweep.return_times[0], np.nan)  # 0 is that of the flow itself
+    np.testing.assert_allclose(line[:, 1], told)
+
+
+@pytest.fixture(scope="module")
+def roessler() -> Sweep:
+    field = {"x": "-y - z", "y": "x + a*y", "z": "b + z*(x - c)"}
+    system = saltus.HybridSystem.smooth(field, {"a": 0.2, "b": 0.2, "c": 2.5})
+    section = saltus.Section("x", direction=1)
+    options = saltus.options.SweepOptions(section=section, discard=100, keep=20, exponents=2, workers=1)
+    return saltus.run_sweep(system, "c", [2.5, 3.5, 5.7], x0=[1.0, 1.0, 0.0], options=options)
+
+
+def test_without_a_phase_the_panel_leaves_out_the_exponent_of_the_flow(roessler):
+    ax = roessler.plot()
+    line = drawn(ax.figure.axes[2], "up")[:, 1]
+    assert line[0] < -0.1  # a cycle: the largest multiplier of its Poincare map
+    assert line[1] < -0.1
+    assert line[2] == pytest.approx(0.0714 * roessler.return_times[0, 2], abs=0.1)  # Wolf et al., 1985
+
+
+def test_the_default_ordinate_is_no_state_that_the_section_holds(roessler):
+    assert roessler.plot().get_ylabel() == "$y$"
 
 
 def test_given_axes_hold_the_points_alone(sweep):

@@ -122,9 +122,11 @@ def test_a_value_that_the_parameter_must_not_have(ball):
 
 def test_a_system_without_a_phase_needs_a_section():
     system = systems.carried_map(("x",), {"a": 3.2}, LOGISTIC)
-    with pytest.raises(
-        InputError, match=r"^SweepOptions.section = None: must be the name of a transition, map, or a Section; the "
-    ):
+    told = (
+        r"^SweepOptions.section = None: must be the name of a transition, map, or a Section; the system has no phase: "
+        r"as section='map' or section=saltus.Section\('x - 0.5', direction=1\)$"
+    )
+    with pytest.raises(InputError, match=told):
         run_sweep(system, "a", [3.2])
     with pytest.raises(InputError, match=r"^section = None: must be a transition for a system without a phase$"):
         iterate(system, system.parameter_vector({}), [0.3, 0.0], 0, discard=0, keep=1)

@@ -193,7 +193,7 @@ def animate(
     ] = Path("tap.gif"),
     at: Annotated[float | None, typer.Option(metavar="VALUE", help="Place, as of `saltus afm observe`.")] = None,
     regime: Annotated[
-        str | None, typer.Option(help="repulsive or attractive; by default that of the first orbit.")
+        str | None, typer.Option(help="repulsive or attractive, by the virial; by default that of the first orbit.")
     ] = None,
     seconds: Annotated[float, typer.Option(help="How long the film lasts.")] = 4.0,
 ) -> None:

@@ -152,14 +152,16 @@ def new_table(columns: Mapping[str, Literal["left", "right"]]) -> Table:
 
 
 def writable_folder(out: Path, name: str = "--out") -> Path:
-    """Return the folder, created if absent; raise `InputError` where nothing can be written."""
+    """Return the folder, created and told if absent; raise `InputError` where nothing can be written."""
     there = next((path for path in (out, *out.absolute().parents) if path.exists()), Path("/"))
     if not there.is_dir():
         raise InputError(name, str(out), "a folder", f"{there} is a file")
     if not os.access(there, os.W_OK | os.X_OK):
         raise InputError(name, str(out), "a folder that can be written", f"{there} is read-only for this user")
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        if not out.exists():
+            out.mkdir(parents=True, exist_ok=True)
+            typer.echo(f"folder   {printable(str(out))}")
         with tempfile.TemporaryFile(dir=out):
             pass
     except OSError as error:

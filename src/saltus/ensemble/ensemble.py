@@ -111,7 +111,9 @@ class Ensemble:
     ) -> None:
         refuse(system.angles, "an ensemble")
         if (interval is None) == (system.phase is None):
-            raise InputError("interval", interval, "given for a system without a phase, and for no other")
+            hint = "the time between two looks at a motion, about its period, as BasinOptions(interval=1.0)"
+            allowed = "given for a system without a phase, and for no other"
+            raise InputError("interval", interval, allowed, hint if interval is None else "")
         tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
         interval = None if interval is None else checks.positive("interval", interval)
         self.system, self.parameters = system, checks.mapping("parameters", parameters, "names to numbers, or None")

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
+from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.errors import SaltusError
 from saltus.explorer.drawing import default_axes, drawn
+from saltus.plotting.ordinates import instead_of_held
 from saltus.sweeps import Sweep
 
 if TYPE_CHECKING:
@@ -27,6 +29,8 @@ def followed_axes(
     result: Any, axes: tuple[str, str], fixed: Collection[str], system: HybridSystem | Map
 ) -> tuple[str, str]:
     """Return the axes on which a result is seen: its own parameters, and what was shown upwards before.
+
+    What a wall or a reset holds along the whole branch gives way to what varies.
 
     Parameters
     ----------
@@ -57,7 +61,8 @@ def followed_axes(
         return x, next(name for name in (*reversed(varied), varied[0]) if name != x)
     kept = () if axes[1] in system.parameter_names else (axes[1],)
     upwards = (*kept, default_axes(system, varied[0])[1], system.states[0])
-    return x, next((y for y in upwards if _can_be_drawn(result, (x, y))), upwards[0])
+    y = next((y for y in upwards if _can_be_drawn(result, (x, y))), upwards[0])
+    return x, instead_of_held(result, y) if isinstance(result, Branch) else y
 
 
 def told_where_fixed(result: Any, axes: tuple[str, str], fixed: Collection[str]) -> str:

@@ -74,7 +74,9 @@ def warn_of(landings: tuple[Landing, ...]) -> None:
         warnings.warn(f"saltus: {landings[0]}; the motion goes on as if it were not", RuntimeWarning, stacklevel=3)
 
 
-def warn_behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> None:
+def warn_behind_wall(
+    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, level: int = 3
+) -> None:
     """Warn where a motion starts behind a wall of its mode, whoever called the caller.
 
     A wall is an event without a condition that leads back to its mode, and whose reset throws motions back: no motion
@@ -88,6 +90,8 @@ def warn_behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np
         The start.
     mode : int
         Index of its mode.
+    level : int, optional
+        How many calls lie between this one and the user's, as `warnings.warn` counts them.
     """
     for k, transition in enumerate(system.transitions):
         own = system.mode_index(transition.source) == mode == system.mode_index(transition.target)
@@ -101,7 +105,7 @@ def warn_behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np
                 f"saltus: the motion starts behind event {transition.name!r} of mode {transition.source!r}, where its "
                 f"function is {value:.6g}; the motion goes on as if it were not",
                 RuntimeWarning,
-                stacklevel=3,
+                stacklevel=level,
             )
 
 

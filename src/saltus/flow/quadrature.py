@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from saltus.flow.stretch import Motion
 
-__all__ = ["BLOCK", "Panels", "Total", "greatest", "integrate", "rule"]
+__all__ = ["BLOCK", "Panels", "Total", "greatest", "integrate", "partition", "rule"]
 
 BLOCK = 1 << 16  # states computed at once, each from all coefficients of its step
 _PARTS = 8, 32  # parts into which a step, or a part of one, is divided: of many, and of few
@@ -169,6 +169,16 @@ def _tails(values: NDArray[np.float64] | NDArray[np.complex128], durations: NDAr
     return np.asarray(np.abs(durations) * size * fall**_ORDER)
 
 
+def partition(panels: Panels, expression: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return the parts of steps by which the integral of an expression is found: of each the step and its span."""
+    values, bounds = panels.values(expression), panels.bounds(expression)
+    parts: list[tuple[NDArray[np.intp], NDArray[np.float64]]] = []
+    _divided(panels, expression, values, bounds, None, False, parts)
+    if not parts:  # it has no value on a part of the motion
+        return panels.steps, panels.spans
+    return np.concatenate([steps for steps, _ in parts]), np.concatenate([spans for _, spans in parts])
+
+
 def _divided(
     panels: Panels,
     expression: str,
@@ -176,14 +186,17 @@ def _divided(
     bounds: Range,
     wave: Callable[[NDArray[np.float64]], NDArray[np.complex128]] | None,
     spread: bool,
+    parts_seen: list[tuple[NDArray[np.intp], NDArray[np.float64]]] | None = None,
 ) -> Total:
-    """Return an integral by parts of steps, as many as it takes."""
+    """Return an integral by parts of steps, as many as it takes; parts_seen: receives them."""
     total, error, size, left, spent = 0.0 + 0.0j, 0.0, 0.0, 0.0, 0
     while True:
         within = values[:, 1:-1] if wave is None else values[:, 1:-1] * wave(panels.times[:, 1:-1])
         lengths = np.abs(panels.durations)
         known, tails = np.isfinite(within), _tails(np.where(np.isfinite(within), within, 0.0), lengths)
         if np.any(bounds.plain & ~known.all(axis=1)):
+            if parts_seen is not None:
+                parts_seen.clear()
             return Total(complex(np.nan), np.nan, "the expression has no value on a part of the motion")
         parts = np.where(known, panels.weights * np.where(known, within, 0.0), 0.0)
         here, sizes = parts.sum(axis=1), np.abs(parts).sum(axis=1)
@@ -195,6 +208,8 @@ def _divided(
         short = panels.spans[:, 1] - panels.spans[:, 0] <= _FINEST
         ended = open_ & (short | (spent > _MOST))
         done = ~open_ | ended
+        if parts_seen is not None:
+            parts_seen.append((panels.steps[done], panels.spans[done]))
         total, size = total + complex(here[done].sum()), size + float(sizes[done].sum())
         error += float(missed[~open_].sum())
         left += float(np.where(np.isfinite(missed), np.maximum(missed, 0.0), sizes)[ended].sum())
@@ -214,7 +229,7 @@ def _spread(
     panels: Panels, expression: str, values: NDArray[np.float64], rows: NDArray[np.bool_] | None = None
 ) -> float:
     """Return how far the errors of the states move the integral of an expression over some parts."""
-    errors = panels.motion.errors
+    errors = panels.motion.state_errors
     if errors is None:
         return 0.0
     inside, weights, total = values[:, 1:-1], np.abs(panels.weights), 0.0
@@ -242,7 +257,7 @@ def greatest(panels: Panels, expression: str, values: NDArray[np.float64], sign:
     if not plain:
         top, at, unsure = _searched(panels, expression, values, bounds, sign, (top, at))
     error = unsure + EPS * abs(top)
-    if spread and at is not None and panels.motion.errors is not None and np.isfinite(top):
+    if spread and at is not None and np.isfinite(top):
         error += _moved(panels.motion, expression, at)
     return Total(complex(top), error)
 
@@ -348,9 +363,11 @@ def _zoomed(panels: Panels, expression: str, values: NDArray[np.float64], sign: 
 
 def _moved(motion: Motion, expression: str, at: _At) -> float:
     """Return how far the errors of the states move an expression at a place."""
-    assert motion.errors is not None
+    errors = motion.state_errors
+    if errors is None:
+        return 0.0
     x = motion.states(np.array([at[0]]), np.array([at[1]]))
-    table = np.vstack([x, x + np.diag(motion.errors), x - np.diag(motion.errors)])
+    table = np.vstack([x, x + np.diag(errors), x - np.diag(errors)])
     modes = np.repeat(motion.modes[at[0]], len(table))
     found = evaluate(motion.system, expression, table, modes, motion.parameters)
     if not np.all(np.isfinite(found)):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["Motion", "dense_states"]
+__all__ = ["POWERS_OF_TERMS", "Motion", "dense_states"]
 
 States: TypeAlias = "Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]]"
 
@@ -45,7 +45,8 @@ class Motion:
     turns: int | None = None  # periods of the angle after which the motion repeats; None where it does not
     rotating: tuple[str, ...] = ()  # angles among the states that make turns before the motion repeats
     tolerance: float = 1e-10  # relative, of the steps
-    errors: NDArray[np.float64] | None = None  # shape (all states,): those of the states; None where they are not known
+    # shape (all states,): errors of the states, or what computes them; None where they are not known
+    errors: NDArray[np.float64] | Callable[[], NDArray[np.float64]] | None = None
     # least and greatest values of states and outputs that are known already, by name
     extremes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -58,6 +59,11 @@ class Motion:
     def end(self) -> float:
         """Time of the end."""
         return _clock(self.clocks[-1], float(self.spans[-1, 1]))
+
+    @property
+    def state_errors(self) -> NDArray[np.float64] | None:
+        """Errors of the states, shape (all states,); None where they are not known."""
+        return self.errors() if callable(self.errors) else self.errors
 
     @property
     def durations(self) -> NDArray[np.float64]:
@@ -131,6 +137,18 @@ def dense_states(
     for j, factor in ((5, other), (4, fraction), (3, other), (2, fraction), (1, other), (0, fraction)):
         y = (y + coefficients[:, j]) * factor
     return np.asarray(starts + y)
+
+
+def _powers_of_terms() -> NDArray[np.float64]:
+    """Return the powers of the fraction, from the first on, in each term of `dense_states`, shape (7, 7)."""
+    term, table = np.array([1.0]), np.zeros((8, 7))
+    for j in range(7):
+        term = np.convolve(term, [0.0, 1.0] if j % 2 == 0 else [1.0, -1.0])
+        table[: term.size, j] = term
+    return table[1:]
+
+
+POWERS_OF_TERMS = _powers_of_terms()
 
 
 def _times(clocks: NDArray[np.float64], fractions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ConvergenceError, DefinitionError, InputError, SaltusError, StiffnessError
-from saltus.flow.landings import warn_of
+from saltus.flow.landings import warn_behind_wall, warn_of
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.shares import limit_of
 from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, Sizes, sizes_along, sizes_on_the_way
@@ -47,6 +47,8 @@ _MOST_EVENTS = 100_000  # transitions that are kept at the most
 _BATCH = 1000  # steps after which an autonomous motion is first looked at
 _EVENTS = 40  # transitions of each kind after which it is first looked at
 
+
+_USER = 5  # calls from a warning to the user's: by way of the dispatch and of `find_orbit`
 
 _UNKNOWN = f"{UNSETTLED.format(longest=_LONGEST)}: then settle= allows more returns; see it with simulate"
 
@@ -129,7 +131,8 @@ def find_orbit(
     Warns
     -----
     RuntimeWarning
-        A transition of the orbit lands beyond an event of its target mode; see `PeriodicOrbit.landings_beyond`.
+        A transition of the orbit lands beyond an event of its target mode; see `PeriodicOrbit.landings_beyond`. Or the
+        start lies behind a wall, which the motion would never have passed; the warning names the transition.
 
     Notes
     -----
@@ -165,6 +168,7 @@ def _found(
     limit = limit_of(system.compiled, p, x) if limit is None else checks.positive("limit", limit)
     longest = 3000.0 if settle is None else checks.positive("settle", settle)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
+    warn_behind_wall(system, p, x, start, level=_USER)
     search = _search_forced if system.phase is not None else _search_autonomous
     try:
         with one_thread(len(system.states)):

@@ -163,7 +163,7 @@ class Seen(NamedTuple):
     """What is found of these quantities."""
 
     # shape (integrals, 3, 1 + parameters): integrals of a quantity q times cos and -sin of order times angle, with
-    # their derivatives; the integral of ``abs(q)``
+    # their derivatives; the integral of ``abs(q)`` and of the moduli of its derivatives
     sums: NDArray[np.float64]
     # values, rates: shape (extremes, samples): quantities times their signs, and their rates, at the places of all
     # steps

@@ -14,6 +14,7 @@ from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.parameters import OneParameter
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.plotting import plot, style
+from saltus.plotting.ordinates import extremes_first, ordinate_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -21,11 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from saltus.system import HybridSystem
-
 __all__ = [
     "Piece",
-    "default_axes",
     "draw_branch",
     "draw_pieces",
     "draw_special",
@@ -81,8 +79,10 @@ def plot_branch(
         The branch.
     x, y : str, optional
         Quantities that `Branch.column` knows, also observables, as ``"amplitude(z, 1)"``. By default the parameter, and
-        ``min_`` of the first output or ``max_`` of the first state. Along a quantity by default the freed parameter or
-        the period, and the quantity.
+        ``min_`` of the first output or ``max_`` of the first state. Where that varies by no more than its error, as
+        the greatest value at a wall, the first that does is drawn: the other extreme, the amplitude, the mean, the
+        period, extremes of the others. Axes that show one of these keep it. Along a quantity by default the freed
+        parameter or the period, and the quantity.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional
@@ -98,7 +98,8 @@ def plot_branch(
     style.check_options(ax, x, y, special=special, legend=legend)
     if branch.fixed is not None:
         x, y = x or branch.fixed.free or "period", y or branch.parameter
-    x, y = default_axes(branch.system, branch.parameter, x, y)
+    x = branch.parameter if x is None else x
+    y = ordinate_of([branch], extremes_first(branch.system), ax) if y is None else y
     return draw_branch([branch], x, y, ax, special=special, legend=legend, colour=colour)
 
 
@@ -123,7 +124,7 @@ def plot_any_branch(
     branch : EquilibriumBranch or another
         The branch.
     x, y : str, optional
-        Quantities that its `column` knows. By default the parameter, and the first output or state.
+        Quantities that its `column` knows. By default the parameter, and the first output or state that varies.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional
@@ -138,7 +139,7 @@ def plot_any_branch(
     """
     style.check_options(ax, x, y, special=special, legend=legend)
     x = branch.parameter if x is None else x
-    y = [*branch.system.output_names, *branch.system.states][0] if y is None else y
+    y = ordinate_of([branch], [*branch.system.output_names, *branch.system.states], ax) if y is None else y
     return draw_branch([branch], x, y, ax, special=special, legend=legend, colour=colour)
 
 
@@ -158,13 +159,6 @@ def draw_branch(
     if legend and (pieces or any(len(branch.special_points) for branch in branches)):
         style.draw_legend(ax)
     return ax
-
-
-def default_axes(system: HybridSystem, parameter: str, x: str | None, y: str | None) -> tuple[str, str]:
-    """Return the quantities on the axes; by default the parameter and an extreme of an output or a state."""
-    if y is None:
-        y = f"min_{system.output_names[0]}" if system.output_names else f"max_{system.states[0]}"
-    return parameter if x is None else x, y
 
 
 def draw_pieces(ax: Axes, pieces: Iterable[Piece], colour: str | None = None) -> None:

@@ -19,6 +19,7 @@ from saltus.maps import MapOrbit
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_pieces, pieces_of
 from saltus.plotting.map_orbit import at_each_point, turned_orbit
+from saltus.plotting.ordinates import ordinate_of
 from saltus.system.angles import TURN
 
 if TYPE_CHECKING:
@@ -55,7 +56,8 @@ def plot_cascade(
     cascade : Cascade or MapCascade
         The cascade.
     x, y : str, optional
-        Quantities that `Branch.column` or `MapBranch.column` knows; by default the parameter, and the first state.
+        Quantities that `Branch.column` or `MapBranch.column` knows; by default the parameter, and the first state that
+        varies.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional
@@ -67,9 +69,11 @@ def plot_cascade(
         A quantity of another name.
     """
     style.check_options(ax, x, y, special=special, legend=legend)
-    x, y = cascade.parameter if x is None else x, cascade.system.states[0] if y is None else y
-    tree = {x, y} & set(cascade.system.states)
     branches: Sequence[Any] = cascade.branches
+    x = cascade.parameter if x is None else x
+    if y is None:
+        y = ordinate_of(branches, cascade.system.states, ax) if branches else cascade.system.states[0]
+    tree = {x, y} & set(cascade.system.states)
     levels = [_sheets(branch, 2 ** (k + 1)) if tree else [branch] for k, branch in enumerate(branches)]
     pieces = [
         piece

@@ -12,7 +12,8 @@ from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.family import Family
 from saltus.errors import InputError
 from saltus.plotting import plot, style
-from saltus.plotting.branch import default_axes, pieces_of
+from saltus.plotting.branch import pieces_of
+from saltus.plotting.ordinates import extremes_first, ordinate_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +53,7 @@ def plot_family(
         The family; members without a branch are left out.
     x, y : str, optional
         Quantities that `Branch.column` knows. By default the parameter, and ``min_`` of the first output or ``max_`` of
-        the first state. In space `y` is the height.
+        the first state; another where that does not vary, as of `Branch`. In space `y` is the height.
     over : str, optional
         The members' parameter that gives depth and colour; by default the first.
     projection : {"3d", "2d"}, optional
@@ -73,10 +74,11 @@ def plot_family(
         hint = next(iter(family.failures.values()), "")
         raise InputError("family", f"{len(family)} members without a branch", "a family with a branch to draw", hint)
     over = next(iter(family.over)) if over is None else checks.chosen("over", over, family.over)
-    x, y = default_axes(family.system, family.parameter, x, y)
+    x = family.parameter if x is None else x
     members.sort(key=lambda member: family.over[over][member[0]])
     values = np.array([family.over[over][i] for i, _ in members])
     branches = [branch for _, branch in members]
+    y = ordinate_of(branches, extremes_first(family.system)) if y is None else y
     curves = [pieces_of(branch, x, y) for branch in branches]
     alone = ax is None
     ax, deep = _axes(ax, projection)

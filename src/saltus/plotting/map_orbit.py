@@ -14,6 +14,7 @@ from saltus.maps.orbit import itinerary_of
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_branch
 from saltus.plotting.iterates import draw_cobweb
+from saltus.plotting.ordinates import ordinate_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -118,7 +119,7 @@ def plot_map_branch(
     branch : MapBranch
         The branch.
     x, y : str, optional
-        Quantities that `MapBranch.column` knows. By default the parameter, and the first output or state.
+        Quantities that `MapBranch.column` knows. By default the parameter, and the first output or state that varies.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional
@@ -133,8 +134,9 @@ def plot_map_branch(
     """
     style.check_options(ax, x, y, special=special, legend=legend)
     x = branch.parameter if x is None else x
-    y = [*branch.system.output_names, *branch.system.states][0] if y is None else y
-    drawn = draw_branch(at_each_point(branch), x, y, ax, special=special, legend=legend, colour=colour)
+    sheets = at_each_point(branch)
+    y = ordinate_of(sheets, [*branch.system.output_names, *branch.system.states], ax) if y is None else y
+    drawn = draw_branch(sheets, x, y, ax, special=special, legend=legend, colour=colour)
     if ax is None and x == branch.parameter:
         leave_out_the_unbounded(drawn, [branch], y)
     return drawn

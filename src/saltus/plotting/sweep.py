@@ -19,6 +19,7 @@ from saltus.flow.motion_kind import (
     UNRESOLVED,
 )  # fmt: skip
 from saltus.plotting import plot, style
+from saltus.plotting.ordinates import first_that_varies
 from saltus.sweeps.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -70,10 +71,11 @@ def plot_sweep(
     sweep : Sweep
         The sweep.
     y : str, optional
-        A quantity or an observable of the sweep; by default the first quantity.
+        A quantity or an observable of the sweep; by default the first quantity that varies.
     panels : iterable of str, optional
         Panels under the diagram. ``"labels"`` is a strip of the motions' labels, a row for each pass. ``"exponent"`` is
-        the leading Lyapunov exponent per return with its error. By default both, and none in given Axes.
+        the leading Lyapunov exponent per return with its error. Without a phase the flow's own exponent, which is 0, is
+        left out: ``SweepOptions(exponents=2)`` has that of periodic motions. By default both, and none in given Axes.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     legend : bool, optional
@@ -87,7 +89,7 @@ def plot_sweep(
         A quantity that was not recorded, a panel of another name, panels in given Axes, or no colour.
     """
     style.check_options(ax, y, legend=legend)
-    name = sweep.quantities[0] if y is None else y
+    name = _quantity(sweep) if y is None else y
     column = sweep.column(name)
     chosen = (PANELS if ax is None else ()) if panels is None else checks.names("panels", panels, "names of panels")
     for panel in chosen:
@@ -106,6 +108,15 @@ def plot_sweep(
     if legend and colour is None and len(sweep.directions) > 1:
         _name_directions(axes[0], sweep)
     return axes[0]
+
+
+def _quantity(sweep: Sweep) -> str:
+    """Return the first quantity that varies from point to point: on a section a state may be held."""
+    if not sweep.quantities:
+        return sweep.observables[0]
+    settings = sweep.settings
+    columns = ((name, sweep.column(name)) for name in sweep.quantities)
+    return first_that_varies(columns, settings.get("rtol") or 0.0, settings.get("atol") or 0.0)
 
 
 def _new_axes(sweep: Sweep, panels: tuple[str, ...]) -> list[Axes]:
@@ -201,14 +212,39 @@ def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([[1.5 * values[0] - 0.5 * values[1]], middle, [1.5 * values[-1] - 0.5 * values[-2]]])
 
 
+def _leading(sweep: Sweep) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the leading exponent per return that is not the flow's own, and its error, shape (direction, value).
+
+    Without a phase one exponent is 0, that of the flow's direction: of those that are known the one nearest to 0 in
+    its errors. Where it is the only one, the others are below it and none is told.
+    """
+    exponents, errors = np.array(sweep.exponents), np.array(sweep.errors)
+    if _flows_alone(sweep):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = np.where(exponents == 0.0, 0.0, np.abs(exponents) / errors)
+        known = np.isfinite(away)
+        nearest = np.argmin(np.where(known, away, np.inf), axis=-1)[..., None]
+        own = known & (np.arange(exponents.shape[-1]) == nearest)
+        if exponents.shape[-1] == 1:
+            own &= np.abs(exponents) <= errors
+        exponents[own] = -np.inf
+    leading = np.argmax(np.where(np.isfinite(exponents), exponents, -np.inf), axis=-1)[..., None]
+    found, error = (
+        np.take_along_axis(values, leading, -1)[..., 0] * sweep.return_times for values in (exponents, errors)
+    )
+    return np.where(np.isfinite(found), found, np.nan), error
+
+
+def _flows_alone(sweep: Sweep) -> bool:
+    """Return whether the system has no clock, neither a phase nor iterations: one exponent is 0 by itself."""
+    return sweep.system.iteration is None and sweep.system.phase is None
+
+
 def _draw_exponent(ax: Axes, sweep: Sweep) -> None:
     """Draw the leading exponent per return, with its error as a band."""
     ax.axhline(0.0, color="0.6", linewidth=0.7)
-    for row, direction in enumerate(sweep.directions):
-        leading = sweep.exponents[row, :, 0] * sweep.return_times[row]
-        leading = np.where(np.isfinite(leading), leading, np.nan)
-        error = sweep.errors[row, :, 0] * sweep.return_times[row]
+    for direction, leading, error in zip(sweep.directions, *_leading(sweep), strict=True):
         colour = _DIRECTIONS[direction]
         ax.fill_between(sweep.values, leading - error, leading + error, color=colour, alpha=0.2, linewidth=0.0)
         ax.plot(sweep.values, leading, color=colour, linewidth=0.9, gid=direction)
-    ax.set_ylabel("$\\lambda_{1}$ per return")
+    ax.set_ylabel("$\\lambda$ per return,\nflow left out" if _flows_alone(sweep) else "$\\lambda_{1}$ per return")

@@ -43,7 +43,7 @@ class SweepOptions:
     observables : sequence of str
         What is observed at each value, as ``"amplitude(z, 1)"``; see `saltus.flow.observables`.
     exponents : int
-        How many Lyapunov exponents, the largest first.
+        How many Lyapunov exponents, the largest first. Without a phase one is 0, that of the flow's direction.
     criteria : Criteria
         Thresholds of the labels.
     tolerance : float or (float, float)

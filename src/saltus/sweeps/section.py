@@ -60,7 +60,9 @@ def on_section(system: HybridSystem, section: object) -> tuple[HybridSystem, tup
     if section is None:
         if system.phase is None:
             allowed = f"the name of a transition, {', '.join(names)}, or a Section" if names else "a Section"
-            raise InputError("SweepOptions.section", section, allowed, "the system has no phase")
+            named = f"section={names[0]!r} or " if names else ""
+            surface = f"section=saltus.Section('{system.states[0]} - 0.5', direction=1)"
+            raise InputError("SweepOptions.section", section, allowed, f"the system has no phase: as {named}{surface}")
         return system, None
     if isinstance(section, Section):
         check_expression(system, section.event)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from saltus.system.definition import Definition
 
-__all__ = ["Range", "enclose", "is_polynomial"]
+__all__ = ["Range", "enclose", "is_polynomial", "may_jump"]
 
 _TURN = 2.0 * math.pi
 
@@ -111,6 +111,47 @@ def is_polynomial(system: Definition, text: str) -> bool:
     texts += [system.outputs[name][mode] for name in used for mode in system.mode_names]
     degrees = [_degree(syntax_tree(one, names, "expression", InputError), moving | used) for one in texts]
     return max(degrees) <= 2 if used else degrees[0] <= 4
+
+
+@once
+def may_jump(system: Definition, text: str) -> bool:
+    """Return whether an expression may jump within a mode: it has a sign, or divides by what has a corner.
+
+    Where it has corners alone, as a modulus or the largest of several, its integral has a derivative.
+    """
+    names = (*system.all_states, *system.parameter_names, *system.output_names)
+    used = _read(text, names)[1].intersection(system.output_names)
+    texts = [text, *(system.outputs[name][mode] for name in used for mode in system.mode_names)]
+    trees = [syntax_tree(one, names, "expression", InputError) for one in texts]
+    if any(_called(tree) & _JUMPS for tree in trees):
+        return True
+    bent = {name for name, tree in zip(["", *(n for n in used for _ in system.mode_names)], trees, strict=True)
+            if _called(tree) & _CORNERS}  # fmt: skip
+    return any(_divides(node) and (_called(node.right) & _CORNERS or _named(node.right) & bent or
+               (isinstance(node.op, ast.Pow) and (_called(node.left) & _CORNERS or _named(node.left) & bent)))
+               for tree in trees for node in ast.walk(tree) if isinstance(node, ast.BinOp))  # fmt: skip
+
+
+_JUMPS = frozenset({"sign", "atan2"})
+_CORNERS = frozenset({"abs", "Abs", "Max", "Min"})
+
+
+def _called(tree: ast.AST) -> frozenset[str]:
+    calls = (node.func for node in ast.walk(tree) if isinstance(node, ast.Call))
+    return frozenset(function.id for function in calls if isinstance(function, ast.Name))
+
+
+def _named(tree: ast.AST) -> frozenset[str]:
+    return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+
+
+def _divides(node: ast.BinOp) -> bool:
+    """Return whether a quotient, or a power that may have a negative exponent."""
+    if isinstance(node.op, ast.Div):
+        return True
+    return isinstance(node.op, ast.Pow) and not (
+        isinstance(node.right, ast.Constant) and isinstance(node.right.value, int | float) and node.right.value > 0
+    )
 
 
 def _degree(node: ast.expr, moving: frozenset[str]) -> float:

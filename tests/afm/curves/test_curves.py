@@ -102,6 +102,13 @@ def test_a_curve_is_saved_and_read_back_equal(curve, tmp_path):
     assert "approach" in repr(curve)
 
 
+def test_a_label_that_several_sheets_have_is_told_with_its_sheet(curve):
+    twice = replace(curve, branches=(curve.branches[0], curve.branches[0]))
+    vars(twice)["ways"] = curve.ways
+    labels = [line.split()[:2] for line in repr(twice).splitlines() if line.startswith(("  SN1", "  GR1"))]
+    assert labels == [["SN1", "(0)"], ["GR1", "(0)"], ["SN1", "(1)"], ["GR1", "(1)"]]
+
+
 @pytest.mark.campaign
 def test_a_dataset_tells_the_regime_of_each_point_and_what_the_model_is_made_of(curve, tmp_path):
     told = curve.to_xarray()

@@ -110,6 +110,7 @@ def test_coefficients_of_more_modes_begin_with_those_of_fewer():
 @pytest.mark.campaign
 @given(metre=FACTOR, kilogram=FACTOR, second=FACTOR)
 @settings(max_examples=50)
+@pytest.mark.filterwarnings("ignore:saltus:RuntimeWarning")  # units of one's own
 def test_dimensionless_coefficients_do_not_depend_on_units(metre, kilogram, second):
     pascal, joule = kilogram / (metre * second**2), kilogram * metre**2 / second**2
     setup = table1()

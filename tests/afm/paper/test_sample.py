@@ -21,6 +21,7 @@ def test_pull_at_the_onset_of_contact_is_24_67_nanonewtons():
     assert float(tip_force(2e-10, DMTSample(**SAMPLE))) == pytest.approx(-74e-9 / 3.0, rel=8.0 * EPS)
 
 
+@pytest.mark.filterwarnings("ignore:saltus:RuntimeWarning")  # units of one's own
 def test_contact_without_attraction_is_that_of_hertz():
     assert float(tip_force(-3.0, DMTSample(R=4.0, H=0.0, E_star=3.0, a0=1.0))) == pytest.approx(64.0, rel=4.0 * EPS)
 
@@ -59,6 +60,7 @@ def test_force_has_the_shape_of_the_gap(shape):
 @pytest.mark.campaign
 @given(metre=FACTOR, kilogram=FACTOR, second=FACTOR, gap=st.floats(-20.0, 20.0))
 @settings(max_examples=100)
+@pytest.mark.filterwarnings("ignore:saltus:RuntimeWarning")  # units of one's own
 def test_force_in_other_units_is_the_same_force(metre, kilogram, second, gap):
     pascal, joule, newton = (
         kilogram / (metre * second**2),
@@ -90,6 +92,7 @@ def test_rigid_tip_leaves_the_plane_strain_modulus_of_the_sample():
     poisson=st.tuples(st.floats(-0.9, 0.5), st.floats(-0.9, 0.5)),
 )
 @settings(max_examples=100)
+@pytest.mark.filterwarnings("ignore:saltus:RuntimeWarning")  # units of one's own
 def test_tip_and_sample_may_be_exchanged(young, poisson):
     names = ("young_tip", "young_sample"), ("poisson_tip", "poisson_sample")
     one = dict(zip(names[0], young, strict=True)) | dict(zip(names[1], poisson, strict=True))

@@ -52,6 +52,7 @@ def test_beam_enlarged_is_stiffer_and_slower(factor):
 
 @given(factor=st.floats(0.01, 100.0))
 @settings(max_examples=50)
+@pytest.mark.filterwarnings("ignore:saltus:RuntimeWarning")  # units of one's own
 def test_stiffness_grows_with_the_modulus_and_not_with_the_density(factor):
     lever = Cantilever(**BEAM)
     stiffer = Cantilever(**BEAM | {"young": factor * BEAM["young"]})

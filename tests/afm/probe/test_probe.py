@@ -160,6 +160,7 @@ def test_a_slip_of_units_is_named_wherever_it_is_not_plausible(call):
         ("young", 176.0, "in GPa? then it is 1.76e+11 Pa"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:saltus:RuntimeWarning")  # units of one's own
 def test_a_beam_in_other_units_is_told_by_the_probe(name, value, meant):
     beam = dataclasses.asdict(BEAM) | {name: value}
     slipped = afm.Cantilever(**{key: beam[key] for key in ("length", "width", "thickness", "density", "young")})

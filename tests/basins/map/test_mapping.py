@@ -181,7 +181,7 @@ def test_a_system_without_a_phase_is_looked_at_every_interval(tmp_path):
         InputError, match=r"^BasinOptions.interval = 0\.8: must be that of the attractors, 0\.7; leave it out$"
     ):
         map_basins(still, {}, grid, options=BasinOptions(interval=0.8), path=store)
-    with pytest.raises(InputError, match=r"^interval = None: must be given for a system without a phase"):
+    with pytest.raises(InputError, match=r"^interval = None: must be given for a system .* as BasinOptions\(interval="):
         map_basins(still, {}, grid)
 
 

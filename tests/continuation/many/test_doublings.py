@@ -62,7 +62,7 @@ def cascade(logistic):
 
 def test_a_cascade_doubles_where_it_is_known_to(cascade):
     np.testing.assert_allclose(cascade.values, DOUBLINGS, atol=1e-10)
-    assert cascade.stopped == "4 doublings followed"
+    assert cascade.stopped == "after 4 branches of doubled orbits, as many as `doublings` allows"
     assert [len(point.orbit.signature) for point in cascade.points] == [1, 2, 4, 8, 16]
     assert len(cascade.branches) == 4
     for branch, point in zip(cascade.branches, cascade.points[1:], strict=True):
@@ -84,7 +84,7 @@ def test_a_cascade_as_a_table_and_as_text(cascade):
     lines = repr(cascade).splitlines()
     assert lines[0] == "Cascade of 5 period doublings along a"
     assert lines[1].startswith("  period 1   doubles at 3")
-    assert lines[-1] == "  ended: 4 doublings followed"
+    assert lines[-1] == "  ended: after 4 branches of doubled orbits, as many as `doublings` allows"
 
 
 def test_a_cascade_towards_lower_values():

@@ -314,17 +314,27 @@ def test_nothing_asked_for_gives_nothing():
     assert list(orbit.sensitivity([])) == []
 
 
-def test_a_harmonic_that_vanishes_and_a_mean_over_a_corner_are_not_differentiated(symmetric):
+def test_a_harmonic_that_vanishes_and_a_mean_over_a_jump_are_not_differentiated(symmetric):
     found = symmetric.sensitivity(
-        ["amplitude(x, 2)", "phase(x, 2)", "mean(abs(v))", "max(sign(v))", "mean(sqrt(v**2))"]
+        ["amplitude(x, 2)", "phase(x, 2)", "mean(x*sign(v - x))", "max(sign(v))", "mean(sqrt(v**2))"]
     )
     for name, words in {
         "amplitude(x, 2)": "no harmonic of this order",
         "phase(x, 2)": "no harmonic of this order",
-        "mean(abs(v))": "corner",
+        "mean(x*sign(v - x))": "jumps",
     }.items():
         assert words in found[name].attrs["note"]
         assert np.all(np.isnan(found[name]))
+
+
+@pytest.mark.parametrize("name", ["mean(abs(v))", "mean(Max(x, v))", "amplitude(abs(x - v/2), 2)"])
+def test_what_has_a_corner_within_a_segment_has_the_derivative_of_differences(symmetric, name):
+    slopes = symmetric.sensitivity([name])[name]
+    for parameter, value in symmetric.parameters.items():
+        step = 1e-5 * max(abs(value), 1.0)
+        ends = [observed(again(symmetric, {parameter: value + side * step}), [name])[name] for side in (1.0, -1.0)]
+        by = (ends[0] - ends[1]) / (2.0 * step)
+        assert slopes.sel(parameter=parameter).item() == pytest.approx(by, rel=1e-6, abs=1e-6)
 
 
 def test_the_phase_of_a_cycle_that_may_start_anywhere_is_not_differentiated():

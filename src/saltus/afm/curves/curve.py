@@ -422,9 +422,12 @@ class Curve(Result):
             f"Curve of {self.system.name or 'a model'}: {self.along} from {low:.6g} to {high:.6g}, {len(self)} orbits",
             f"  amplitude   {amplitude.min():.6g} to {amplitude.max():.6g} nm",
         ]
+        points = self.special_points
+        sheets = [f" ({f.sheet})" if sum(g.label == f.label for g in points) > 1 else "" for f in points]
         lines += [
-            f"  {f.label:10}  {self.along} = {f.value:.9g}, {f.amplitude_nm:.6g} nm: {f.what}"
-            for f in self.special_points
+            f"  {f.label + sheet:10}  {self.along} = {f.value:.9g}, {f.amplitude_nm:.6g} nm: {f.what}"
+            + f", on sheet {f.sheet}" * bool(sheet)
+            for f, sheet in zip(points, sheets, strict=True)
         ]
         if "contact_fraction" in self.readings and self.column("contact_fraction").min() > _ALWAYS:
             lines.append("  contact     at all times: the tip is pulled in at larger distances already")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
+from saltus.afm.probe.slips import warn_of_slips
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,6 +40,11 @@ class DMTSample:
     InputError
         `R` or `a0` is not a finite number > 0, `H` or `E_star` is negative or not finite.
 
+    Warns
+    -----
+    RuntimeWarning
+        A value looks as one in nm, aJ or GPa.
+
     References
     ----------
     ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Sec. 2.1.
@@ -59,6 +65,7 @@ class DMTSample:
         object.__setattr__(self, "H", checks.non_negative("H", self.H, "J"))
         object.__setattr__(self, "E_star", checks.non_negative("E_star", self.E_star, "Pa"))
         object.__setattr__(self, "a0", checks.positive("a0", self.a0, "m"))
+        warn_of_slips(R=self.R, H=self.H, E_star=self.E_star, a0=self.a0)
 
     @classmethod
     def from_moduli(

@@ -9,6 +9,7 @@ from saltus import checks
 from saltus.afm.paper.galerkin import Coefficients, coefficients
 from saltus.afm.paper.sample import DMTSample
 from saltus.afm.probe.cantilever import Cantilever
+from saltus.afm.probe.slips import warn_of_slips
 from saltus.errors import InputError
 from saltus.system import HybridSystem, Mode, Transition
 
@@ -47,6 +48,11 @@ class Setup:
     InputError
         `eta` is not a finite number above `sample.a0`, or an argument is of another kind.
 
+    Warns
+    -----
+    RuntimeWarning
+        `eta` looks as one in nm.
+
     Examples
     --------
     >>> from saltus.afm import Cantilever, DMTSample
@@ -64,6 +70,7 @@ class Setup:
         checks.instance("cantilever", self.cantilever, Cantilever)
         checks.instance("sample", self.sample, DMTSample)
         object.__setattr__(self, "eta", checks.positive("eta", self.eta, "m"))
+        warn_of_slips(eta=self.eta)
         if self.eta <= self.sample.a0:
             raise InputError("eta", self.eta, f"larger than a0 = {self.sample.a0!r}, where contact begins (in m)")
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.probe.beam import wavenumbers
+from saltus.afm.probe.slips import warn_of_slips
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,6 +54,11 @@ class Cantilever:
     InputError
         A value is not a finite number > 0, or so extreme that `k` or `f0` is not.
 
+    Warns
+    -----
+    RuntimeWarning
+        A value looks as one in um, GPa or g/cm^3.
+
     References
     ----------
     ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Eq. (2) and text: Euler-Bernoulli beam.
@@ -80,6 +86,7 @@ class Cantilever:
             checks.positive("density", self.density, "kg/m**3"),
         )
         young = checks.positive("young", self.young, "Pa")
+        warn_of_slips(length=length, width=width, thickness=thickness, density=density, young=young)
         omega_1 = float(wavenumbers(1)[0]) ** 2 * thickness / length / length * math.sqrt(young / (12.0 * density))
         mass = density * width * thickness * length / 4.0
         self._set(length=length, width=width, thickness=thickness, density=density, young=young)
@@ -119,12 +126,13 @@ class Cantilever:
         >>> print(f"{lever.k:.4f} N/m, {lever.f0 / 1e3:.3f} kHz")
         1.9435 N/m, 51.519 kHz
         """
+        length, width = checks.positive("length_um", length_um, "um"), checks.positive("width_um", width_um, "um")
+        thickness = checks.positive("thickness_um", thickness_um, "um")
+        young = checks.positive("young_GPa", young_GPa, "GPa")
+        warn_of_slips(length_um=length, width_um=width, thickness_um=thickness, young_GPa=young)
+        density = checks.positive("density_kg_m3", density_kg_m3, "kg/m^3")
         return cls(
-            length=checks.positive("length_um", length_um, "um") * 1e-6,
-            width=checks.positive("width_um", width_um, "um") * 1e-6,
-            thickness=checks.positive("thickness_um", thickness_um, "um") * 1e-6,
-            density=checks.positive("density_kg_m3", density_kg_m3, "kg/m^3"),
-            young=checks.positive("young_GPa", young_GPa, "GPa") * 1e9,
+            length=length * 1e-6, width=width * 1e-6, thickness=thickness * 1e-6, density=density, young=young * 1e9
         )
 
     @classmethod

@@ -166,7 +166,8 @@ def _followed(
         point = found[0]
         shrunk = max(control.largest / 2.0, 10.0 * control.smallest)
         control = replace(control, initial=min(control.initial, shrunk), largest=shrunk)
-    return branches, f"{doublings} doublings followed"
+    many = "1 branch" if doublings == 1 else f"{doublings} branches"
+    return branches, f"after {many} of doubled orbits, as many as `doublings` allows"
 
 
 def _told(reporter: Reporter, times: int, progress: Progress) -> None:

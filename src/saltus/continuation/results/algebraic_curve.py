@@ -153,6 +153,10 @@ class AlgebraicCurve(SolutionCurve[Solved]):
             return float(found.x0[self.system.states.index(name)])
         return float(point.arclength) if name == "arclength" else _output(found, name)
 
+    def _spectrum(self) -> list[tuple[str, NDArray[np.complex128]]]:
+        parts = [(column, getattr(self, name)) for name, column in self.written.items() if column.kind is complex]
+        return [(column.name, values) for column, values in parts if values.ndim == 2]
+
     def _parameter_vector(self, index: int) -> NDArray[np.float64]:
         """Return all parameters of a point in the system's order."""
         return np.asarray(self.system.parameter_vector(self._parameters_at(index)))

@@ -111,6 +111,10 @@ class Branch(OneParameter[PeriodicOrbit], OrbitCurve):
             return self.freed
         return super().column(name)
 
+    def _of_each(self) -> dict[str, Any]:
+        free = {self.fixed.free: self.freed} if self.fixed is not None and self.fixed.free else {}
+        return free | super()._of_each()
+
     def _parameters_at(self, index: int) -> dict[str, float]:
         if self.fixed is None:
             return super()._parameters_at(index)

@@ -19,6 +19,7 @@ from saltus.scales import ILL_CONDITIONED, same
 from saltus.solution import Solution
 
 if TYPE_CHECKING:
+    import pandas as pd
     from numpy.typing import NDArray
 
     from saltus.contents import Contents
@@ -70,6 +71,7 @@ class SolutionCurve(Result, Generic[Solved]):
 
     counted: ClassVar[str]  # what a `repr` counts
     fault: ClassVar[str] = "virtual"  # what a picture calls a solution that is not sound
+    sound_called: ClassVar[str] = "regular"  # what a table calls `sound`
     kinds: ClassVar[dict[str, Any]] = {  # types of the arrays
         **dict.fromkeys(("values", "residual", "arclength"), np.float64),
         "stable": np.bool_,
@@ -181,6 +183,45 @@ class SolutionCurve(Result, Generic[Solved]):
             now = ": it is now solution" if name in ("orbit", "equilibrium") else ""
             words = f"{type(self).__name__!r} object has no attribute {name!r}{now}"
             raise AttributeError(words, name=name, obj=self)  # with both, Python tells the nearest name
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a table with a row for each point: what varies, the state at the start, stability, multipliers.
+
+        Of orbits also the period, extremes and the signature. `to_xarray` has all else, with dimensions of its own.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Its index is the point. Multipliers or eigenvalues are complex numbers in columns ``multiplier_1``, ...
+
+        Raises
+        ------
+        SaltusError
+            pandas is not installed.
+
+        Examples
+        --------
+        >>> from saltus import HybridSystem, continue_equilibrium, find_equilibrium
+        >>> fold = HybridSystem.smooth({"x": "r - x**2"}, {"r": 1.0})
+        >>> table = continue_equilibrium(find_equilibrium(fold, {}, [1.0]), "r", (-1.0, 4.0)).to_dataframe()
+        >>> list(table.columns)
+        ['r', 'x', 'stable', 'regular', 'eigenvalue_1', 'residual', 'arclength']
+        """
+        from saltus.extras import pd
+
+        return pd.DataFrame(self._of_each(), index=pd.RangeIndex(len(self), name="point"))
+
+    def _of_each(self) -> dict[str, Any]:
+        """Return the columns of `to_dataframe`, shape (point,) each."""
+        declared = dict(zip(self.varied, self.values.reshape(len(self), -1).T, strict=True))
+        declared |= dict(zip(self.system.states, np.asarray(self.x0).T, strict=True))
+        found = declared | {"stable": self.stable, self.sound_called: self.sound} | self._own_columns()
+        found |= {f"{name}_{k + 1}": column for name, table in self._spectrum() for k, column in enumerate(table.T)}
+        return found | {"residual": self.residual, "arclength": self.arclength} | declared
+
+    def _spectrum(self) -> list[tuple[str, NDArray[np.complex128]]]:
+        """Return multipliers or eigenvalues, shape (point, value), with the name of one."""
+        return []
 
     def __len__(self) -> int:
         return len(self.values)

@@ -21,6 +21,7 @@ from saltus.system import HybridSystem
 from saltus.system.plain import held_system
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
     from numpy.typing import NDArray
 
@@ -122,6 +123,27 @@ class Family(Result):
             "ragged": RAGGED,
         }
         return xr.Dataset(data, coords=coords, attrs=attrs)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a table with a row for each orbit of each branch: the member's values, then as of `Branch`.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Its index is the member and the point; members without a branch have no rows.
+
+        Raises
+        ------
+        SaltusError
+            pandas is not installed.
+        """
+        from saltus.extras import pd
+
+        tables = {i: branch.to_dataframe() for i, branch in enumerate(self.branches) if branch is not None}
+        for i, table in tables.items():
+            for name, values in reversed(list(self.over.items())):
+                table.insert(0, name if name not in table else f"over_{name}", float(values[i]))
+        return pd.concat(tables, names=["member"]) if tables else pd.DataFrame()
 
     @classmethod
     def _read(cls, held: Contents) -> Family:

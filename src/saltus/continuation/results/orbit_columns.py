@@ -81,6 +81,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
 
     counted = "orbits"
     fault = "not admissible"
+    sound_called = "admissible"
     kinds = SolutionCurve.kinds | {
         **dict.fromkeys(("x0", "period", "lows", "highs", "means"), np.float64),
         **dict.fromkeys(("multipliers", "harmonics"), np.complex128),

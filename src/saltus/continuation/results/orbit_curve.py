@@ -88,6 +88,18 @@ class OrbitCurve(OrbitColumns):
         }
         return xr.Dataset(data, coords=coords, attrs=attrs)
 
+    def _of_each(self) -> dict[str, Any]:
+        seen = [q for q in self.quantities if self.system.phase is None or q != self.system.phase[0]]
+        extremes = {f"{side}_{q}": self.column(f"{side}_{q}") for q in seen for side in ("min", "max")}
+        written = [" -> ".join(f"{mode}:{transition}" for mode, transition in f.names(self.system)) for f in self.forms]
+        signatures = np.array([written[form] for form in self.form.tolist()], dtype=object)
+        found = super()._of_each()
+        more = {"period": self.period, **extremes, "signature": signatures, "implicit": self.implicit}
+        return found | {name: values for name, values in more.items() if name not in found}
+
+    def _spectrum(self) -> list[tuple[str, NDArray[np.complex128]]]:
+        return [("multiplier", self.multipliers)]
+
     @classmethod
     def _varied_columns(cls, held: Contents) -> list[NDArray[np.float64]]:
         """Return the values of the varied parameters, shape (point,) each, as `to_xarray` described them."""

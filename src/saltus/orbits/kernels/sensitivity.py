@@ -227,6 +227,7 @@ def _add(view, wanted, clock, place, weight, longer, angle, sums, work):
             turn = order * size * turning[k]
             row[1 + k] += change * cosine - turn * sine
             row[imaginary + 1 + k] -= change * sine + turn * cosine
+            row[2 * imaginary + 1 + k] += abs(change)
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,8 +14,10 @@ import numpy as np
 
 from saltus.orbits.observables.observed import Differentiated, Plan, Sums, planned
 from saltus.orbits.observables.quantities import sizes_of_unknowns
-from saltus.orbits.records import Orbit, Seen
-from saltus.scales import PARAMETER_MOVES
+from saltus.orbits.observables.refinement import Varied, divided, narrow
+from saltus.orbits.records import Observed, Orbit, Seen
+from saltus.scales import PARAMETER_MOVES, SLOPES_ALIKE
+from saltus.system.enclosure import may_jump
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
 
 __all__ = ["followed", "gradient_of", "slope_along"]
 
+NODES = 16  # fewest places in a step that is divided where expressions ask for it
+FEWER = 4  # places fewer, at which integrals of derivatives are looked at again
+FEW_NODES = 5  # fewest places in other steps
 _NONE = -1  # of a variation that no parameter takes part in
 _ROOM = 1 << 23  # numbers in the dense output of variations that are followed at once: 64 MB
 _STEP = 2e-5  # change of an unknown, over its size, in differences of what has no derivative
@@ -71,33 +76,47 @@ def _followed(
     from saltus.orbits.kernels import sensitivity as sensitivity_kernels, variation as variation_kernels
 
     n, columns, turns = problem.n, len(chosen), problem.signature.turns
-    at = np.arange(n, problem.size, n + 1)
+    length, at = n * (1 + columns), np.arange(n, problem.size, n + 1)
     durations = np.column_stack([u[at], du[at]])
     total = durations.sum(axis=0)
-    advance = 3.0 * math.pi * max(turns, 1) * float(np.max(np.diff(problem.mesh[0])))
-    observed = plan.observed(problem.system, problem.parameters_at(u), problem.state_scale, advance, first)
-    dense = np.empty(problem.mesh[0].size * n * (1 + columns)), np.empty(7 * problem.mesh[0].size * n * (1 + columns))
     problem.set_parameters(u)
     record = tuple(Orbit(*problem.record)._replace(active=np.array(chosen, dtype=np.int64)))
     du = np.ascontiguousarray(du)
+    dense = np.empty(problem.mesh[0].size * length), np.empty(7 * problem.mesh[0].size * length)
     variation_kernels.vary(record, problem.mesh, u, du, *dense)
-    extremes = len(plan.extremes)
-    samples = (problem.steps * (observed.places.size // 2 + 1) + problem.segments) if extremes else 0
-    seen = Seen(
-        np.zeros((len(plan.integrals), 3, 1 + columns)),
-        np.empty((extremes, samples)),
-        np.empty((extremes, samples)),
-        np.zeros((extremes, columns)),
-        np.zeros(extremes),
-        np.empty((extremes, 1 + columns)),
-        np.zeros(extremes, dtype=np.int64),
-        np.zeros(extremes, dtype=np.int64),
-        np.zeros(len(plan.expressions), dtype=np.int64),
-    )
-    sensitivity_kernels.observe(record, problem.mesh, dense, u, du, tuple(observed), tuple(seen))
+    path = Varied(problem.mesh, dense[0].reshape(-1, length), dense[1].reshape(-1, 7, length))
+    texts, ends, steps = narrow(problem, u, path, plan.expressions), path.nodes[path.mesh[1][1:] - 1], len(path.nodes)
+    if texts:
+        path = divided(problem, u, path, texts)
+
+    def look(nodes: int) -> tuple[Observed, Seen]:
+        advance = 3.0 * math.pi * max(turns, 1) * float(np.max(np.diff(path.mesh[0])))
+        observed = plan.observed(problem.system, problem.parameters_at(u), problem.state_scale, advance, first, nodes)
+        extremes, steps = len(plan.extremes), path.mesh[0].size - problem.segments
+        samples = (steps * (observed.places.size // 2 + 1) + problem.segments) if extremes else 0
+        seen = Seen(
+            np.zeros((len(plan.integrals), 3, 1 + columns)),
+            np.empty((extremes, samples)),
+            np.empty((extremes, samples)),
+            np.zeros((extremes, columns)),
+            np.zeros(extremes),
+            np.empty((extremes, 1 + columns)),
+            np.zeros(extremes, dtype=np.int64),
+            np.zeros(extremes, dtype=np.int64),
+            np.zeros(len(plan.expressions), dtype=np.int64),
+        )
+        output = path.nodes.reshape(-1), path.coefficients.reshape(-1)
+        sensitivity_kernels.observe(record, path.mesh, output, u, du, tuple(observed), tuple(seen))
+        return observed, seen
+
+    observed, seen = look(NODES if texts else FEW_NODES)
+    unsettled = np.zeros(0, dtype=np.bool_)
+    if len(path.nodes) > steps and plan.integrals and not first:
+        again = look(NODES - FEWER)[1].sums
+        apart = np.abs(again - seen.sums)[:, :2, 1:] <= SLOPES_ALIKE * seen.sums[:, 2:, 1:]
+        unsettled = ~np.all(apart, axis=(1, 2))
 
     def rates(transition: int) -> Differentiated:
-        ends = dense[0].reshape(-1, n * (1 + columns))[problem.mesh[1][1:] - 1]
         found = [np.empty(1 + columns) for other in problem.signature.transitions if other == transition]
         own = (end for end, other in zip(ends, problem.signature.transitions, strict=True) if other == transition)
         for end, out in zip(own, found, strict=True):
@@ -107,10 +126,11 @@ def _followed(
 
     bent = np.zeros(0, dtype=np.bool_)
     if observed.cornered and seen.bent.any():
-        bent = np.append(np.zeros(n, dtype=np.bool_), seen.bent > 0)[[what for what, _ in plan.integrals]]
+        jumps = [bool(seen.bent[i]) and may_jump(problem.system, text) for i, text in enumerate(plan.expressions)]
+        bent = np.array([*[False] * n, *jumps])[[what for what, _ in plan.integrals]]
     return Sums(
         problem.system, Differentiated(float(total[0]), total[1:]), durations, problem.signature.modes, turns or 1,
-        seen.sums, seen.extremes, seen.kinds, seen.segments, bent, rates, problem.slides,
+        seen.sums, seen.extremes, seen.kinds, seen.segments, bent, unsettled, rates, problem.slides,
     )  # fmt: skip
 
 

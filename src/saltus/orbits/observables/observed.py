@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Differentiated", "Plan", "Sums", "planned"]
 
-_NODES = 5  # fewest nodes in a step; a step through a wide angle has more
+_NODES = 5  # fewest nodes in a step, but where steps are divided; one through a wide angle has more
+_UNSETTLED = "its integral does not converge: the slope of the expression grows without bound"
 _NO_HARMONIC = "there is no harmonic of this order, so that its phase and the direction of its growth are unknown"
-_BENT = "the expression has a corner or jumps within a segment: make an event of it"
+_BENT = "the expression jumps within a segment: make an event of it"
 _EXTREMES = {
     1: "the extreme is attained at two places, whose derivatives differ",
     2: "the extreme is at a jump of the expression",
@@ -57,8 +58,10 @@ class Sums:
     extremes: NDArray[np.float64]
     kinds: NDArray[np.int64]
     segments: NDArray[np.int64]
-    # shape (integrals,): whether what is integrated has a corner or jumps within a segment; empty where nothing has
+    # shape (integrals,): whether what is integrated jumps within a segment; empty where nothing does
     bent: NDArray[np.bool_]
+    # shape (integrals,): whether the derivatives of an integral hang on the places; empty where none does
+    unsettled: NDArray[np.bool_]
     rates: Callable[[int], Differentiated]  # returns the mean rate of a transition's event function
     slides: bool  # whether the start of the orbit, where the angle is 0, is arbitrary
 
@@ -103,14 +106,16 @@ class Plan:
         return tuple((self.formulas[name].text, (*self.formulas[name].symbols, *further)) for name in self.composed)
 
     def observed(
-        self, system: HybridSystem, p: NDArray[np.float64], scale: NDArray[np.float64], advance: float, first: bool
-    ) -> Observed:
+        self, system: HybridSystem, p: NDArray[np.float64], scale: NDArray[np.float64], advance: float, first: bool,
+        nodes: int = _NODES,
+    ) -> Observed:  # fmt: skip
         """Return what kernels look at.
 
-        scale: sizes of the states; advance: the widest angle of a step, in radians; first: as in `Observed`.
+        scale: sizes of the states; advance: the widest angle of a step, in radians; first: as in `Observed`; nodes:
+        fewest places in a step.
         """
         highest = max((order for _, order in self.integrals), default=0.0)
-        places, weights = _rule(_NODES + math.floor(highest * advance))
+        places, weights = _rule(nodes + math.floor(highest * advance))
         quantities = sorted({what for what, _ in self.integrals})
         address, cornered, constants = 0, False, np.empty(0)
         if self.expressions:
@@ -224,14 +229,21 @@ def _part(found: Sums, kind: str, at: int, one: Observable) -> Differentiated:
         inside = found.durations[[i for i, other in enumerate(found.modes) if other == mode]].sum(axis=0)
         share = float(inside[0]) / period.value
         return Differentiated(share, (inside[1:] - share * period.slopes) / period.value)
-    nothing = np.full(period.slopes.size, math.nan)
+    value, slopes, note = _integrated(found, kind, at, one)
     if found.bent.size and found.bent[at]:
-        value = float(found.averages[at, 0].real) if kind == "mean" else math.nan
-        return Differentiated(value, nothing, _BENT)
+        slopes, note = np.full(period.slopes.size, math.nan), _BENT
+    elif found.unsettled.size and found.unsettled[at]:
+        slopes, note = np.full(period.slopes.size, math.nan), _UNSETTLED
+    return Differentiated(value, slopes, note)
+
+
+def _integrated(found: Sums, kind: str, at: int, one: Observable) -> Differentiated:
+    """Return a mean, or the amplitude or phase of a harmonic."""
     if kind == "mean":
         row = found.averages[at].real
         return Differentiated(float(row[0]), row[1:])
     assert one.order is not None
+    period, nothing = found.period, np.full(found.period.slopes.size, math.nan)
     if found.turns % one.order.denominator and kind == "amplitude":
         return Differentiated(0.0, np.zeros(period.slopes.size))
     harmonic, turned = complex(2j * found.averages[at, 0]), found.turned[at]

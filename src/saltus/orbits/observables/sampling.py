@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus import checks
-from saltus.flow.stretch import Motion, angle_of, dense_states
+from saltus import checks, scales as judged
+from saltus.flow.stretch import POWERS_OF_TERMS, Motion, angle_of, dense_states
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.winding import rotating_of
 from saltus.system.evaluate import evaluate
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Steps", "column_of", "followed", "motion_of", "sample_orbit", "steps_of"]
 
+_LOOKS = 17  # places in a step at which the defect of dense output is looked at
 _FEWEST = 16  # fewest steps in a segment, so that a short one is still a curve
 
 
@@ -128,8 +130,56 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
         turns=turns,
         rotating=rotating_of(problem, u),
         tolerance=problem.tol,
-        errors=problem.tol * problem.state_scale,
+        errors=cache(_Errors(problem, duration, steps)),
     )
+
+
+class _Errors:
+    """Errors of an orbit's states, computed when asked for: shape (state,)."""
+
+    def __init__(self, problem: OrbitProblem, durations: NDArray[np.float64], steps: Steps) -> None:
+        self._tol, self._scale = problem.tol, np.array(problem.state_scale)
+        self._compiled, self._p = problem.system.compiled, problem.extended.copy()
+        self._transitions, self._modes = problem.signature.transitions, problem.modes[steps.segments]
+        self._durations, self._steps = durations, steps
+
+    def __call__(self) -> NDArray[np.float64]:
+        """Return what the steps of a period leave, dense output between them, and surfaces that are missed."""
+        return np.asarray(np.maximum(judged.followed(self._tol) * self._scale + self._between(), self._missed()))
+
+    def _between(self) -> NDArray[np.float64]:
+        """Return by how much dense output departs from the flow between the nodes: its defect, integrated."""
+        s, h, shares = self._steps.places[:, None], self._steps.widths[:, None], np.linspace(0.0, 1.0, _LOOKS)
+        powers = POWERS_OF_TERMS @ self._steps.dense  # shape (step, power, state)
+        places = np.tile(shares, (len(s), 1))
+        states = dense_states(self._steps.starts, self._steps.dense, places)
+        slopes = np.einsum("kj,mjn->mkn", np.arange(1, 8) * shares[:, None] ** np.arange(7), powers)
+        rates, field = np.empty_like(states), np.empty(states.shape[2])
+        for mode, rows, out in zip(self._modes.tolist(), states, rates, strict=True):
+            for x, rate in zip(rows, out, strict=True):
+                self._compiled.call("field", mode, 0, np.ascontiguousarray(x), self._p, field)
+                rate[:] = field
+        at = s + h * shares
+        defects = slopes - (self._durations[:, None] * 6.0 * at * (1.0 - at) * h)[:, :, None] * rates
+        gained = np.cumsum(0.5 * (defects[:, 1:] + defects[:, :-1]), axis=1) / (_LOOKS - 1)
+        away = np.abs(gained - gained[:, -1:] * shares[1:, None])  # the nodes themselves are as exact as the steps
+        return np.asarray(np.where(np.isfinite(away), away, 0.0).max(axis=(0, 1)))
+
+    def _missed(self) -> NDArray[np.float64]:
+        """Return the least changes of the states that put segments' ends onto their surfaces.
+
+        What a flow magnifies, as the upstroke of a neuron, is seen there: the segment ends beside the surface.
+        """
+        n, found = self._scale.size, np.zeros(self._scale.size)
+        event = np.empty(2 + 2 * n)
+        for transition, end in zip(self._transitions, self._steps.ends, strict=True):
+            if transition >= 0:
+                self._compiled.call("event_x", transition, 0, np.ascontiguousarray(end), self._p, event)
+                gradient = self._scale * event[2 : 2 + n]
+                steep = float(gradient @ gradient)
+                missed = self._scale * np.abs(event[0] * gradient) / steep if steep > 0.0 else np.zeros(n)
+                found = np.maximum(found, np.where(np.isfinite(missed), missed, 0.0))
+        return found
 
 
 class Steps(NamedTuple):
