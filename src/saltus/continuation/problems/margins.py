@@ -12,7 +12,7 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import DIRECTION, DURATION, EARLY, EVENT_END, MEAN_END, WHEN, WHOLE, Signature, Survey
 from saltus.orbits.stability.critical import Grazing
-from saltus.scales import TOUCHING
+from saltus.scales import TOUCHING, Verdict, followed, zero
 from saltus.system.expressions import NAME
 from saltus.system.parts import at_phases
 
@@ -83,6 +83,19 @@ def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> 
     return problem.distance(u, monitor.segment, monitor.transition)[0]
 
 
+def _stays(problem: OrbitProblem, name: Monitor, values: tuple[float, float]) -> bool:
+    """Return whether an event of two neighbouring orbits is 0 at a segment's end or start within their error.
+
+    values: of its monitor function; the first is NaN where it has been dropped already.
+    """
+    if name.kind not in ("ahead", "behind") or not abs(values[1]) < math.inf:
+        return False
+    place = float(name.kind == "ahead")
+    size = problem.event_size(name.transition, problem.state_on(name.segment, place))
+    error = followed(problem.tol) * size
+    return all(math.isnan(value) or zero(value, error) is not Verdict.NO for value in values)
+
+
 def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> list[Monitor]:
     """Return the monitor functions of conditions, and of further events at segments' ends, that vanish at an orbit."""
     found = []
@@ -103,10 +116,11 @@ def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> li
     return found
 
 
-def still_ahead(monitors: dict[Monitor, float], survey: Survey, before: Point | None) -> None:
+def still_ahead(problem: OrbitProblem, monitors: dict[Monitor, float], survey: Survey, before: Point | None) -> None:
     """Drop events that segments have passed, unless they were ahead at the point before.
 
-    A condition that holds is that of the same meeting only where the surface is met as often as before.
+    A condition that holds is that of the same meeting only where the surface is met as often as before. An event that
+    stays at the instant of another one is no border: the sign of its distance is rounding.
     """
     known = {} if before is None else before.examined.monitors
     data = None if before is None else before.examined.data
@@ -115,8 +129,9 @@ def still_ahead(monitors: dict[Monitor, float], survey: Survey, before: Point | 
         same = None
     for name, value in monitors.items():
         other = name.kind == "unmet" and same is not None and same[name[1:3]] != survey.counts[name[1:3]]
-        passed = name.kind in _MET and value < 0.0 and not known.get(name, math.nan) > 0.0
-        if other or passed:
+        earlier = known.get(name, math.nan)
+        passed = name.kind in _MET and value < 0.0 and not earlier > 0.0
+        if other or passed or (before is not None and _stays(problem, name, (earlier, value))):
             monitors[name] = math.nan
 
 
