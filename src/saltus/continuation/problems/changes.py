@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.problems.grazed import speed_at, vanishing, vanishing_with
 from saltus.continuation.problems.grazing import Neighbour, neighbour
+from saltus.continuation.problems.margins import speed_at, vanishing, vanishing_with
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.stability.floquet import multipliers

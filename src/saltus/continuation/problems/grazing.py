@@ -13,10 +13,16 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.problems.ends.excursions import gone, moved, turns_back, way_back
-from saltus.continuation.problems.grazed import grazed_with, touched, vanishing, vanishing_with, without_speed
-from saltus.continuation.problems.insertion import Touch, inserted
-from saltus.continuation.problems.margins import passing, run_out
-from saltus.continuation.problems.rows import Found, Rows, closed, closes_round, gathered, joined
+from saltus.continuation.problems.margins import (
+    grazed_with,
+    passing,
+    run_out,
+    touched,
+    vanishing,
+    vanishing_with,
+    without_speed,
+)
+from saltus.continuation.problems.rows import Found, Rows, Touch, closed, closes_round, gathered, inserted, joined
 from saltus.orbits.coincidences import Order, exchanged
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem

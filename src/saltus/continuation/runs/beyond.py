@@ -15,8 +15,8 @@ from saltus.continuation.core.zero_problem import Event, Examined, Point, correc
 from saltus.continuation.problems.beside import looks_beside
 from saltus.continuation.problems.changes import passes_smoothly
 from saltus.continuation.problems.ends.unbounded import period_of
-from saltus.continuation.problems.grazed import speed_at
 from saltus.continuation.problems.grazing import Neighbour, exchanged_at
+from saltus.continuation.problems.margins import speed_at
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.runs.two_sided import turned
