@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from saltus import HybridSystem, Mode, Transition, run_sweep, simulate
 from saltus.errors import ChatteringError
@@ -189,3 +190,42 @@ def ball_on_a_table(unit):
     """A ball that falls by one unit."""
     bounce = Transition("air", "air", "h", -1, {"v": "-0.8*v"}, name="bounce")
     return HybridSystem(("h", "v"), {"g": unit}, {"air": Mode({"h": "v", "v": "-g"})}, [bounce])
+
+
+def collapse(x: float, u: float, y: float, v: float, m: float) -> float:
+    """When a light ball between a shaken table and another ball has no room left, flight by flight."""
+    t = 0.0
+    for _ in range(230):
+        height = np.polynomial.Polynomial([x, u, -0.5])
+
+        def gap(s: float, height: np.polynomial.Polynomial = height, t: float = t) -> float:
+            return height(s) - 0.3 * math.sin(2.0 * (t + s))
+
+        ahead = np.append(np.geomspace(1e-9, 1e-3, 200), np.linspace(1e-3, 4.0, 8000)[1:])
+        below = int(np.argmax(np.array([gap(s) for s in ahead.tolist()]) < 0.0))
+        down = brentq(gap, ahead[below - 1], ahead[below], xtol=1e-16)
+        together = (y - x) / (u - v) if u > v else math.inf
+        s = min(down, together)
+        x, u, y, v, t = x + u * s - 0.5 * s * s, u - s, y + v * s - 0.5 * s * s, v - s, t + s
+        if down < together:
+            u = -0.8 * u + 1.8 * 0.6 * math.cos(2.0 * t)
+        else:
+            u, v = u + 1.9 * (v - u) / (1.0 + m), v - m * 1.9 * (v - u) / (1.0 + m)
+    return t
+
+
+@pytest.mark.parametrize("m", [0.05, 0.1])
+@pytest.mark.filterwarnings("ignore:saltus. transitions:RuntimeWarning")  # both are due at once in the end
+def test_a_ball_that_two_others_take_turns_to_hit_chatters(m):
+    two = HybridSystem(
+        ("x", "u", "y", "v"), {"m": m}, {"air": Mode({"x": "u", "u": "-1", "y": "v", "v": "-1"})},
+        [
+            Transition("air", "air", "x - 0.3*sin(s)", -1, {"u": "-0.8*u + 1.8*0.6*cos(s)"}, name="table"),
+            Transition("air", "air", "y - x", -1,
+                       {"u": "u + 1.9*(v - u)/(1 + m)", "v": "v - m*1.9*(v - u)/(1 + m)"}, name="balls"),
+        ],
+        phase=("s", "2"),
+    )  # fmt: skip
+    with pytest.raises(ChatteringError) as error:
+        simulate(two, x0=[0.5, 0.0, 1.0, 0.0], t_end=5.0)
+    assert error.value.time == pytest.approx(collapse(0.5, 0.0, 1.0, 0.0, m), abs=1e-5)

@@ -114,3 +114,13 @@ def test_no_change_of_stability_of_synchrony_passes_without_a_word() -> None:
     told = [breach.values[0] for breach in branch.audit.breaches if breach.check == "ledger"]
     for value in (-0.25, -1.0 / 6.0):
         assert min(abs(value - other) for other in [*named, *told]) < 1e-3
+
+
+@pytest.mark.parametrize("seed", guarding(range(20), 0, 1))
+def test_synchrony_has_no_special_point_at_any_coupling(seed: int) -> None:
+    S, e, unit = drawn(seed)
+    branch = continue_orbit(find_orbit(pair(S, e, unit), x0=[0.0, 0.5 * unit]), "e", (0.01, 0.4))
+    assert branch.stopped == ("e = 0.01: bound reached", "e = 0.4: bound reached")
+    assert len(branch.special_points) == 0
+    assert branch.audit.passed
+    assert branch.period == pytest.approx(math.log(S / (S - 1.0)), rel=1e-10)

@@ -111,11 +111,11 @@ class EventDrivenMotion:
         self.transitions = np.array(rows, dtype=np.int64).reshape(len(rows), 3)
         self.offset = max(float(x[-1]), 0.0) if self.rate > 0.0 else 0.0
         self.room, self._chosen, self._chosen_at = math.inf if room is None else room, 0, 0.0
-        self.most_steps, self.budget, self._watched, self._looks = most_steps, _CHOSEN, 0, 0
+        self._watched = self._looks = 0
+        self.most_steps, self.budget, self._looked = most_steps, _CHOSEN, (0, -math.inf)
         # the time of an explicit step before implicit ones, and the steps behind which these are thought of again
         self._implicit, self._explicit, self._again = False, 0.0, 0.0
-        self.implicit_steps = 0  # of the steps that are kept
-        self.stiff = False  # whether stability, not accuracy, holds its steps, where they were last looked at
+        self.implicit_steps, self.stiff = 0, False  # of the steps kept; whether stability held them when last looked at
         self.least_decay = 0.0  # rate of decay below which steps stay explicit, however many
         self.slopes, self.size, self._guess = np.zeros(16 * n), np.abs(x), np.zeros(14 * n)
         if system.phase is not None:
@@ -238,7 +238,7 @@ class EventDrivenMotion:
 
         Raises
         ------
-        StickingError, StiffnessError
+        ChatteringError, StickingError, StiffnessError
             It does.
         DivergenceError
             An event function is not finite.
@@ -247,9 +247,11 @@ class EventDrivenMotion:
             self.budget = max(self.budget, _WATCHED)
         else:
             self._watched = self.tries
-            surface = self._sticks_on()
+            surface, accumulates = self._sticks_on(), self._accumulates()
             self._looks = self._looks + 1 if surface is not None else 0
             self.budget = _WATCHED if surface is not None else _BUDGET
+            if accumulates and surface is None:
+                raise self.error(self.kernels.CHATTERING)
             if (infinite := self._infinite_event()) is not None:
                 raise DivergenceError(self.time, self.x, self.system.mode_names[self.mode], infinite)
             if surface is not None and self._looks >= _LOOKS:
@@ -260,6 +262,13 @@ class EventDrivenMotion:
         if self.most_steps is not None and self.tries > self.most_steps and not self._looks:
             raise self.too_stiff()
 
+    def _accumulates(self) -> bool:
+        """Return whether events came as fast since the last look, on average, as when they chatter."""
+        passed, elapsed = self.events_passed - self._looked[0], self.time - self._looked[1]
+        self._looked = self.events_passed, self.time
+        shortest = self.kernels.CHATTERING_DURATION * float(self.numbers[self.kernels.LONGEST])
+        return bool(passed > self.kernels.CHATTERING_RUN and elapsed <= passed * shortest)
+
     def too_stiff(self) -> StiffnessError:
         """Return the error of a motion that takes too many steps, with the fastest rate at its state."""
         hint = fastest_in_words(self.system.compiled, self.mode, self.x, self.p, len(self.system.states))
@@ -269,8 +278,7 @@ class EventDrivenMotion:
         """Go on by implicit steps where stability limits explicit ones; go back where they are not worth their time."""
         if self.tries < self._again:
             return
-        before = self._implicit
-        pace = (self.time - self._chosen_at) / (self.tries - self._chosen)
+        before, pace = self._implicit, (self.time - self._chosen_at) / (self.tries - self._chosen)
         if self._implicit:
             self._implicit = pace > worth(self.x.size) * self._explicit
             self._again = 0.0 if self._implicit else 2.0 * self.tries
@@ -343,9 +351,8 @@ class EventDrivenMotion:
 
     def _ahead(self) -> NDArray[np.float64]:
         """How far the motion goes in a step that could not be taken."""
-        slope = self.slopes[: self.x.size]
-        ahead, step = np.zeros(slope.size), 2.0 * float(self.numbers[self.kernels.STEP])
-        return np.multiply(step, slope, out=ahead, where=slope != 0.0)  # at rest steps may be infinite
+        slope, step = self.slopes[: self.x.size], 2.0 * float(self.numbers[self.kernels.STEP])
+        return np.multiply(step, slope, out=np.zeros(slope.size), where=slope != 0.0)  # at rest steps may be infinite
 
     def steps(self) -> tuple[NDArray[Any], ...]:
         """Times and lengths, modes, starts and dense coefficients of the steps."""
@@ -360,8 +367,7 @@ class EventDrivenMotion:
         """Return the error that a status of the kernel other than DONE stands for."""
         kernels, t, mode = self.kernels, self.time, self.system.mode_names[self.mode]
         if status == kernels.CHATTERING:
-            last = int(self.counts[kernels.FIRED])
-            return ChatteringError(t, self.x, mode, self.system.transitions[last].name)
+            return ChatteringError(t, self.x, mode, self.system.transitions[self.counts[kernels.FIRED]].name)
         if status == kernels.STEP_UNDERFLOW and (surface := self._sticks_on()) is not None:
             return self._sticking(surface)
         if status == kernels.EVENT_NOT_FINITE:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.problems.grazing import Neighbour, neighbour, vanishing, vanishing_with
+from saltus.continuation.problems.grazing import Neighbour, neighbour
+from saltus.continuation.problems.margins import speed_at, vanishing, vanishing_with
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.stability.floquet import multipliers
@@ -18,7 +18,7 @@ from saltus.system.angles import wrapped
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["limits_of_multipliers", "passes_smoothly", "speed_at", "type_of_change"]
+__all__ = ["limits_of_multipliers", "passes_smoothly", "type_of_change"]
 
 
 def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], found: Neighbour | str) -> str:
@@ -148,14 +148,6 @@ def _meets_without_velocity(problem: OrbitProblem, monitor: Monitor, u: NDArray[
 def _slow(problem: OrbitProblem, transition: int, x: NDArray[np.float64], period: float) -> bool:
     """Return whether an event is met without velocity in a full state."""
     return transition >= 0 and speed_at(problem, transition, x, period) < SPEEDLESS
-
-
-def speed_at(problem: OrbitProblem, transition: int, x: NDArray[np.float64], period: float) -> float:
-    """Return the rate of an event in a full state, over the event's size and by period."""
-    event, n = np.empty(2 + 2 * problem.n), problem.n
-    problem.system.compiled.call("event_x", transition, 0, np.ascontiguousarray(x), problem.extended, event)
-    size = float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
-    return abs(float(event[1])) * period / size if size > 0.0 else math.inf
 
 
 def _born(

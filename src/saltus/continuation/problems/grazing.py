@@ -5,15 +5,24 @@ docs/theory/continuation.md, "Change of signature at a grazing", says which sign
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.problems.ends.excursions import behind, gone, moved, turns_back, way_back
-from saltus.continuation.problems.margins import passing, run_out
-from saltus.continuation.problems.rows import Found, Rows, closed, closes_round, gathered, joined
+from saltus.continuation.problems.ends.excursions import gone, moved, turns_back, way_back
+from saltus.continuation.problems.margins import (
+    grazed_with,
+    passing,
+    run_out,
+    touched,
+    vanishing,
+    vanishing_with,
+    without_speed,
+)
+from saltus.continuation.problems.rows import Found, Rows, Touch, closed, closes_round, gathered, inserted, joined
 from saltus.orbits.coincidences import Order, exchanged
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
@@ -25,7 +34,15 @@ from saltus.scales import CONDITIONS_ALIKE
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Neighbour", "exchanged_at", "neighbour", "sides_met", "touching", "turned", "vanishing", "vanishing_with"]
+__all__ = [
+    "Neighbour",
+    "exchanged_at",
+    "neighbour",
+    "neighbours",
+    "sides_met",
+    "touching",
+    "turned",
+]
 
 
 # Why there is no neighbouring signature where the mode of a segment is entered and left at once.
@@ -43,7 +60,9 @@ class Neighbour:
     u: NDArray[np.float64]
 
 
-def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> Neighbour | str:
+def neighbour(
+    problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], others: Sequence[Monitor] = ()
+) -> Neighbour | str:
     """Return an orbit `u` on the border of its signature in the neighbouring one, or the reason why there is none.
 
     Parameters
@@ -57,6 +76,8 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
         happens at a segment's end), a ``behind`` (at its start), or an ``unmet`` (another condition begins to hold).
     u : ndarray, shape (size + 1,)
         Unknowns of the orbit, and the parameter.
+    others : sequence of Monitor, optional
+        Further ones of the same kind that vanish there, and change the signature as well: see `neighbours`.
     """
     problem, u = whole(problem, u)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
@@ -65,7 +86,8 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
     if (other := exchanged_at(problem, monitor, u)) is not None:
         return Neighbour(other.signature, np.append(other.blocks.ravel(), u[problem.size :]))
     if monitor.kind == "margin":
-        found = _insert(problem, blocks, u, monitor.segment, monitor.transition)
+        places = problem.survey(u).places
+        found = inserted(problem, blocks, u, [Touch(i, float(places[i, k]), k) for _, i, k, _ in (monitor, *others)])
     elif monitor.kind == "side":
         found = _change_modes(problem, blocks, u, monitor.transition)
     elif monitor.kind == "duration" and _meets_another(problem, monitor.segment):
@@ -89,7 +111,46 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
     if not closes_round(problem, fresh, signature, turned):
         return _JUMPS
     beside = Neighbour(signature, np.append(turned, u[problem.size :]))
-    return _alike(problem, fresh, monitor, beside)
+    if monitor.kind == "rate" and others:
+        active = _same_equations(problem, u, beside)
+        if slow := without_speed(active, beside.u):
+            return neighbour(active, slow[0], beside.u, slow[1:])
+    return _alike(problem, monitor, u, beside)
+
+
+def neighbours(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> list[Neighbour | str]:
+    """Return what `neighbour` does where several grazings may be one point of the branch, as at two equal stops.
+
+    In the first one all of them change: what is touched is met, and what is met without speed is missed. So each
+    signature has one partner, and symmetries are kept. Then each changes alone.
+    """
+    others = grazed_with(problem, monitor, u)
+    together = [_changed(problem, [monitor, *others], u)] if others else []
+    return together + [neighbour(problem, name, u) for name in (monitor, *others)]
+
+
+def _changed(problem: OrbitProblem, names: list[Monitor], u: NDArray[np.float64]) -> Neighbour | str:
+    """Return an orbit in the signature in which all its grazings have changed; names: see `grazed_with`."""
+    problem, u = whole(problem, u)
+    slow = [name for name in names if name.kind == "rate"]
+    if not slow or len(slow) == len(names):
+        return neighbour(problem, names[0], u, names[1:])
+    ends, transitions = problem.signature.transitions, problem.system.transitions
+    missed = {transitions[ends[name.segment]].event for name in slow}
+    fewer = neighbour(problem, slow[0], u, slow[1:])
+    if isinstance(fewer, str):
+        return fewer
+    active = _same_equations(problem, u, fewer)
+    met = [name for name in touched(active, fewer.u) if transitions[name.transition].event not in missed]
+    return neighbour(active, met[0], fewer.u, met[1:]) if met else fewer
+
+
+def _same_equations(problem: OrbitProblem, u: NDArray[np.float64], found: Neighbour) -> OrbitProblem:
+    """Return the equations of a neighbour of the orbit `u`, started, with the same active parameters."""
+    given = problem.parameters_at(u), problem.active, problem.scales, problem.tol
+    active = OrbitProblem(problem.system, found.signature, *given)
+    active.start(found.u)
+    return active
 
 
 def exchanged_at(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> Order | None:
@@ -103,11 +164,8 @@ def exchanged_at(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]
     return exchanged(problem, blocks, behind % problem.segments, CONDITIONS_ALIKE) if short else None
 
 
-def _alike(problem: OrbitProblem, old: OrbitProblem, monitor: Monitor, found: Neighbour) -> Neighbour | str:
-    """Return the neighbour in which all changes of one kind have happened, as both halves of a symmetric orbit change.
-
-    old: equations of the neighbour, parameters not active.
-    """
+def _alike(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], found: Neighbour) -> Neighbour | str:
+    """Return the neighbour in which all changes of one kind have happened: both halves of a symmetric orbit change."""
     n, count = problem.n, len(found.signature)
     if monitor.kind != "duration" or count < 2:
         return found
@@ -115,11 +173,7 @@ def _alike(problem: OrbitProblem, old: OrbitProblem, monitor: Monitor, found: Ne
     further = int(np.argmin(durations))
     if not durations[further] < CONDITIONS_ALIKE * float(durations.sum()):
         return found
-    active = OrbitProblem(
-        problem.system, found.signature, old.p, problem.active, problem.scales, problem.tol
-    )  # fmt: skip
-    active.start(found.u)
-    return neighbour(active, Monitor("duration", further), found.u)
+    return neighbour(_same_equations(problem, u, found), Monitor("duration", further), found.u)
 
 
 def turned(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
@@ -128,57 +182,6 @@ def turned(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> b
     The next segment has then touched its surface before, so the orbit is no motion of the system any more.
     """
     return monitor.kind == "rate" and neighbour(problem, monitor, u) == _TURNED
-
-
-def vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Monitor:
-    """Return the monitor function behind a vanishing rate of segment `i`: a neighbour's duration, or the rate alone."""
-    count = problem.segments
-    period = float(np.abs(blocks[:, problem.n]).sum())
-    for j in (i, (i + 1) % count):
-        if count > 1 and abs(blocks[j, problem.n]) < CONDITIONS_ALIKE * period:
-            return Monitor("duration", j)
-    return Monitor("rate", i)
-
-
-def _insert(
-    problem: OrbitProblem,
-    blocks: NDArray[np.float64],
-    u: NDArray[np.float64],
-    i: int,
-    k: int,
-    place: float | None = None,
-) -> Found | str:
-    """Cut segment `i` at a place, or where it touches the surface of transition `k`, or return why it cannot be cut."""
-    system, n, old = problem.system, problem.n, problem.signature
-    place = problem.survey(u).places[i, k] if place is None else place
-    duration = blocks[i, n]
-    before = duration * place * place * (3.0 - 2.0 * place)
-    touching = problem.state_on(i, place)
-    if not np.all(np.isfinite(touching)):
-        return "the flow cannot be followed to it"
-    landed = np.empty(n)
-    system.compiled.call("reset", k, 0, touching, problem.extended, landed)
-    mode = old.modes[i]
-    target = system.mode_index(system.transitions[k].target)
-    cut = [(mode, k, np.append(blocks[i, :n], before))]
-    if target != mode:
-        away = behind(problem, u, mode, k, touching, landed)
-        if isinstance(away, str):
-            return away
-        cut += [(source, transition, np.append(x, 0.0)) for source, transition, x in away]
-        landed = touching
-    elif moved(problem, mode, landed, touching):
-        return "the reset moves the state there: no neighbouring signature is continuous"
-    rest = np.append(landed, duration - before)
-    if old.kinds[0] in (PHASE_END, CLOSED_END):
-        rest[n] = duration
-        for _, _, block in cut[1:]:
-            block[n - 1] += problem.system.turn * old.turns
-        rows = [(mode, k, rest), *cut[1:]]
-    else:
-        same = [(m, t, b) for m, t, b in zip(old.modes, old.transitions, blocks, strict=True)]
-        rows = [*same[:i], *cut, (mode, old.transitions[i], rest), *same[i + 1 :]]
-    return gathered(rows, old.turns)
 
 
 def _begin(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], name: Monitor) -> Found | str:
@@ -190,7 +193,7 @@ def _begin(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
         return _reroute(problem, blocks, u, name)
     if event.target != event.source:
         return f"{event.name!r} begins to happen, and the motion goes on in {event.target!r} from there"
-    return _insert(problem, blocks, u, name.segment, name.transition, place)
+    return inserted(problem, blocks, u, [Touch(name.segment, place, name.transition)])
 
 
 def _change_modes(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], k: int) -> Found | str:
@@ -328,18 +331,6 @@ def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
     rows[previous] = (old.modes[previous], old.transitions[following], whole_one)
     kept = [row for j, row in enumerate(rows) if j not in (*gone, following)]
     return gathered(kept, old.turns)
-
-
-def vanishing_with(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> list[int]:
-    """Return segment `i` and those next to it in a row that have no length either; at least one stays."""
-    count, n = problem.segments, problem.n
-    none = np.abs(blocks[:, n]) < CONDITIONS_ALIKE * float(np.abs(blocks[:, n]).sum())
-    before, behind = 0, 0
-    while before + behind + 2 < count and none[i - before - 1]:
-        before += 1
-    while before + behind + 2 < count and none[(i + behind + 1) % count]:
-        behind += 1
-    return [(i + k) % count for k in range(-before, behind + 1)]
 
 
 def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Found | str:

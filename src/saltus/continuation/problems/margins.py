@@ -1,4 +1,4 @@
-"""Monitor functions of grazings: how far the segments of an orbit stay from the surfaces that they could meet."""
+"""Monitor functions of grazings: how far an orbit stays from surfaces that it could meet, and which vanish at once."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
+from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import DIRECTION, DURATION, EARLY, EVENT_END, MEAN_END, WHEN, WHOLE, Signature, Survey
 from saltus.orbits.stability.critical import Grazing
-from saltus.scales import TOUCHING
+from saltus.scales import CONDITIONS_ALIKE, SPEEDLESS, TOUCHING, Verdict, followed, zero
 from saltus.system.expressions import NAME
 from saltus.system.parts import at_phases
 
@@ -22,7 +23,22 @@ if TYPE_CHECKING:
     from saltus.continuation.core.zero_problem import Point
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["grazing_monitors", "on_border", "passing", "run_out", "side_of", "still_ahead", "timed", "without_shadows"]
+__all__ = [
+    "grazed_with",
+    "grazing_monitors",
+    "on_border",
+    "passing",
+    "run_out",
+    "side_of",
+    "speed_at",
+    "still_ahead",
+    "timed",
+    "touched",
+    "vanishing",
+    "vanishing_with",
+    "without_shadows",
+    "without_speed",
+]
 
 _MET = ("ahead", "behind", "unmet")  # monitor functions of events that a segment meets, and that do not end it
 _PLACES = 400  # states of a segment at which it is seen where the segment passes a surface
@@ -83,6 +99,19 @@ def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> 
     return problem.distance(u, monitor.segment, monitor.transition)[0]
 
 
+def _stays(problem: OrbitProblem, name: Monitor, values: tuple[float, float]) -> bool:
+    """Return whether an event of two neighbouring orbits is 0 at a segment's end or start within their error.
+
+    values: of its monitor function; the first is NaN where it has been dropped already.
+    """
+    if name.kind not in ("ahead", "behind") or not abs(values[1]) < math.inf:
+        return False
+    place = float(name.kind == "ahead")
+    size = problem.event_size(name.transition, problem.state_on(name.segment, place))
+    error = followed(problem.tol) * size
+    return all(math.isnan(value) or zero(value, error) is not Verdict.NO for value in values)
+
+
 def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> list[Monitor]:
     """Return the monitor functions of conditions, and of further events at segments' ends, that vanish at an orbit."""
     found = []
@@ -103,10 +132,11 @@ def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> li
     return found
 
 
-def still_ahead(monitors: dict[Monitor, float], survey: Survey, before: Point | None) -> None:
+def still_ahead(problem: OrbitProblem, monitors: dict[Monitor, float], survey: Survey, before: Point | None) -> None:
     """Drop events that segments have passed, unless they were ahead at the point before.
 
-    A condition that holds is that of the same meeting only where the surface is met as often as before.
+    A condition that holds is that of the same meeting only where the surface is met as often as before. An event that
+    stays at the instant of another one is no border: the sign of its distance is rounding.
     """
     known = {} if before is None else before.examined.monitors
     data = None if before is None else before.examined.data
@@ -115,8 +145,9 @@ def still_ahead(monitors: dict[Monitor, float], survey: Survey, before: Point | 
         same = None
     for name, value in monitors.items():
         other = name.kind == "unmet" and same is not None and same[name[1:3]] != survey.counts[name[1:3]]
-        passed = name.kind in _MET and value < 0.0 and not known.get(name, math.nan) > 0.0
-        if other or passed:
+        earlier = known.get(name, math.nan)
+        passed = name.kind in _MET and value < 0.0 and not earlier > 0.0
+        if other or passed or (before is not None and _stays(problem, name, (earlier, value))):
             monitors[name] = math.nan
 
 
@@ -196,3 +227,75 @@ def _condition_size(problem: OrbitProblem, transition: int, x: NDArray[np.float6
         compiled.call("guard", place, 0, moved, problem.extended, there)
         total += abs(float(there[0] - here[0]))
     return total / _STEP
+
+
+def grazed_with(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> list[Monitor]:
+    """Return the monitor functions of the other grazings of an orbit at one of kind ``margin`` or ``rate``."""
+    if monitor.kind not in ("margin", "rate"):
+        return []
+    problem, u = whole(problem, u)
+    slow, near = without_speed(problem, u), touched(problem, u)
+    ends, transitions = problem.signature.transitions, problem.system.transitions
+    if monitor.kind == "rate":
+        known = [(monitor.segment, transitions[ends[monitor.segment]].event)]
+    else:
+        known = [(monitor.segment, transitions[monitor.transition].event)]
+    found = []
+    for name in (*slow, *near):
+        # a segment that ends where it touches is told by the end's speed alone
+        of = name.segment, transitions[ends[name.segment] if name.kind == "rate" else name.transition].event
+        if of not in known:
+            known.append(of)
+            found.append(name)
+    return found
+
+
+def touched(problem: OrbitProblem, u: NDArray[np.float64]) -> list[Monitor]:
+    """Return the monitor functions of surfaces that an orbit touches, one for each surface of a segment."""
+    survey, transitions = problem.survey(u), problem.system.transitions
+    found: dict[tuple[int, str], Monitor] = {}
+    for i, k in np.argwhere(np.isfinite(survey.margins) & (survey.places != WHOLE)).tolist():
+        size = problem.event_size(k, problem.state_on(i, float(survey.places[i, k])))
+        # two transitions that watch one surface are touched as one
+        if abs(float(survey.margins[i, k])) <= TOUCHING * size:
+            found.setdefault((i, transitions[k].event), Monitor("margin", i, k))
+    return list(found.values())
+
+
+def without_speed(problem: OrbitProblem, u: NDArray[np.float64]) -> list[Monitor]:
+    """Return the monitor functions of events that an orbit meets without speed."""
+    period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
+    problem.survey(u)
+    ends = [(i, k) for i, k in enumerate(problem.signature.transitions) if k >= 0]
+    slow = [i for i, k in ends if speed_at(problem, k, problem.state_on(i, 1.0), period) < SPEEDLESS]
+    return [Monitor("rate", i) for i in slow]
+
+
+def speed_at(problem: OrbitProblem, transition: int, x: NDArray[np.float64], period: float) -> float:
+    """Return the rate of an event in a full state, over the event's size and by period."""
+    event, n = np.empty(2 + 2 * problem.n), problem.n
+    problem.system.compiled.call("event_x", transition, 0, np.ascontiguousarray(x), problem.extended, event)
+    size = float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
+    return abs(float(event[1])) * period / size if size > 0.0 else math.inf
+
+
+def vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Monitor:
+    """Return the monitor function behind a vanishing rate of segment `i`: a neighbour's duration, or the rate alone."""
+    count = problem.segments
+    period = float(np.abs(blocks[:, problem.n]).sum())
+    for j in (i, (i + 1) % count):
+        if count > 1 and abs(blocks[j, problem.n]) < CONDITIONS_ALIKE * period:
+            return Monitor("duration", j)
+    return Monitor("rate", i)
+
+
+def vanishing_with(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> list[int]:
+    """Return segment `i` and those next to it in a row that have no length either; at least one stays."""
+    count, n = problem.segments, problem.n
+    none = np.abs(blocks[:, n]) < CONDITIONS_ALIKE * float(np.abs(blocks[:, n]).sum())
+    before, behind = 0, 0
+    while before + behind + 2 < count and none[i - before - 1]:
+        before += 1
+    while before + behind + 2 < count and none[(i + behind + 1) % count]:
+        behind += 1
+    return [(i + k) % count for k in range(-before, behind + 1)]

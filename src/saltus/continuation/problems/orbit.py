@@ -247,7 +247,7 @@ class OrbitZeroProblem:
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
         monitors |= data.coincident
-        still_ahead(monitors, survey, before)
+        still_ahead(problem, monitors, survey, before)
         if abs(values[0]) < scales.INFINITE and not self.neutral:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)

@@ -193,7 +193,7 @@ class LocusZeroProblem:
         monitors = {name: self._measure(name, point) for name in (*_PLAIN, *self._durations)}
         monitors |= {name: math.nan for name in _TURNS if abs(monitors[name]) < PARAMETER_RESTS}
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
-        still_ahead(monitors, survey, before)
+        still_ahead(problem, monitors, survey, before)
         if self.kind in CHANGES:  # an orbit that repeats a shorter one touches in each repetition, all along the locus
             touched = TOUCHED * float(max(problem.event_sizes(u).max(), problem.state_scale[: len(survey.x0)].min()))
             for name, value in monitors.items():

@@ -80,15 +80,28 @@ class _Seen:
         values = curve.values.reshape(len(curve), -1)
         own = [*curve.extremes, *(np.reshape(column, (len(curve), -1)) for column in _further(curve))]
         table = np.hstack(own)
-        table = table[:, np.all(np.isfinite(table), axis=0)]
+        sizes = np.abs(table).max(axis=0, initial=0.0)
+        if (means := getattr(curve, "means", None)) is not None:
+            # a mean that is 0 by symmetry is rounding of what it is the mean of
+            ends: Any = curve
+            known = np.maximum(np.abs(ends.lows), np.abs(ends.highs)).max(axis=0, initial=0.0)
+            sizes[-means.shape[1] :] = known[: means.shape[1]]
+        finite = np.all(np.isfinite(table), axis=0)
+        table, sizes = table[:, finite], sizes[finite]
         ranges = np.ptp(table, axis=0)
-        kept = ranges > LOCATED * np.abs(table).max(axis=0, initial=0.0)
+        kept = ranges > LOCATED * sizes
         # what is left of the equations' error moves the parameters, in units of their intervals
         solved = followed(curve.tolerance) if hasattr(curve, "tolerance") else 16.0 * EPS
-        sizes = np.maximum(np.abs(values).max(axis=0), _intervals(curve))
-        rounding = LOCATED * 1e-2 * np.ptp(values, axis=0) + solved * sizes
+        wide = np.maximum(np.abs(values).max(axis=0), _intervals(curve))
+        rounding = LOCATED * 1e-2 * np.ptp(values, axis=0) + solved * wide
         closed = any("closed" in reason for reason in curve.stopped)
         return cls(curve, values, rounding, table[:, kept] / ranges[kept], closed)
+
+    def events(self, i: int) -> list[int]:
+        """Return the transitions of an orbit, each as often as it happens, in no order; none of other solutions."""
+        if not hasattr(self.curve, "forms"):
+            return []
+        return sorted(k for k in self.curve.forms[self.curve.form[i]].transitions if k >= 0)
 
     def turns(self, k: int) -> list[tuple[int, int]]:
         """Return between which points, the first and the last of a turn, a parameter turns."""
@@ -168,6 +181,8 @@ def _retraced(seen: _Seen, k: int, i: int, j: int) -> bool:
     before = range(i, max(i - _BESIDE, -1), -1)
     shares = []
     for b in range(j, min(j + _BESIDE, len(seen.values))):
+        if seen.events(b) != seen.events(i):  # an orbit with further events is another one, however near
+            break
         for a, c in pairwise(before):
             share = _off_line(seen, k, (a, c), b)
             if share is not None:

@@ -13,9 +13,10 @@ from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.zero_problem import Event, Examined, Point, correct, start_point
 from saltus.continuation.problems.beside import looks_beside
-from saltus.continuation.problems.changes import passes_smoothly, speed_at
+from saltus.continuation.problems.changes import passes_smoothly
 from saltus.continuation.problems.ends.unbounded import period_of
 from saltus.continuation.problems.grazing import Neighbour, exchanged_at
+from saltus.continuation.problems.margins import speed_at
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.runs.two_sided import turned
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "exchanged_freely",
+    "gone_on",
     "leaving",
     "parted",
     "seen_beyond",
@@ -69,6 +71,20 @@ def leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
     rounding = NO_DURATION * period_of(branch, event.point)
     monitors: Mapping[Monitor, float] = event.point.examined.monitors
     return next((name for name, value in monitors.items() if name.kind == "duration" and abs(value) <= rounding), own)
+
+
+def gone_on(found: Sequence[Neighbour | str], problem: OrbitProblem, old: Point, equations: Equations) -> Beyond | str:
+    """Return what `switched` does of the first of several neighbouring signatures in which a branch goes on.
+
+    The reason of the first one is told where there is none.
+    """
+    reasons = []
+    for beside in found:
+        went = beside if isinstance(beside, str) else switched(beside, problem, old, equations)
+        if not isinstance(went, str):
+            return went
+        reasons.append(went)
+    return reasons[0]
 
 
 def switched(found: Neighbour, problem: OrbitProblem, old: Point, equations: Equations) -> Beyond | str:

@@ -29,7 +29,7 @@ from saltus.continuation.problems.ends.unbounded import (
     too_stiff,
     vanishes_at_last,
 )
-from saltus.continuation.problems.grazing import Neighbour, neighbour
+from saltus.continuation.problems.grazing import Neighbour, neighbours
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
@@ -324,7 +324,8 @@ class OrbitRun(OneParameterRun):
             again = beyond.seen_beyond(branch, point, self.equations, self._wide, ways=(1.0,), rounds=2)
             told = f"{self.place(point)}: the sum of the impacts that accumulate is no longer exact"
             return told if again is None else (*again, self._first_step)
-        found = neighbour(branch.problem, way, point.u)
+        beside = neighbours(branch.problem, way, point.u)
+        found = beside[0]
         name = type_of_change(branch.problem, way, point.u, found)
         # an excursion's duration and the rate at its end vanish at once there: either may have been located
         vanishes = way.kind == "duration" if name == "AS" else way.kind == "rate" and isinstance(found, str)
@@ -348,8 +349,8 @@ class OrbitRun(OneParameterRun):
         if name in self.stops:
             return f"{self.place(point)}: {POINT_TYPES[name].meaning}"
         what = POINT_TYPES[name].meaning
-        went = found if isinstance(found, str) else beyond.switched(found, branch.problem, point, self.equations)
-        if isinstance(went, str) and name != "GR":
+        went = beyond.gone_on(beside, branch.problem, point, self.equations)
+        if isinstance(went, str) and (name != "GR" or (way.kind == "margin" and len(beside) > 1)):
             went = beyond.seen_beyond(branch, point, self.equations, self._wide) or went
         if isinstance(went := unless_followed(half, went), str):
             return f"{self.place(point)}: {what}, {went}"
