@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from saltus.checks.states import StateLike
     from saltus.flow.event_logs import EventLog
 
-__all__ = ["find_orbit"]
+__all__ = ["find_orbit", "orbit_near"]
 
 _LONGEST = 16  # periods, or cycles of events, of the longest orbit that is looked for
 _STEPS = 1000  # steps allowed for each period or return
@@ -48,7 +48,7 @@ _BATCH = 1000  # steps after which an autonomous motion is first looked at
 _EVENTS = 40  # transitions of each kind after which it is first looked at
 
 
-_USER = 5  # calls from a warning to the user's: by way of the dispatch and of `find_orbit`
+_USER = 6  # calls from a warning to the user's: by way of the dispatch and of `find_orbit`
 
 _UNKNOWN = f"{UNSETTLED.format(longest=_LONGEST)}: then settle= allows more returns; see it with simulate"
 
@@ -153,11 +153,25 @@ def find_orbit(
     return _found(system, parameters, x0, mode, settle, tolerance, limit)
 
 
+def orbit_near(
+    system: HybridSystem, parameters: Mapping[str, float] | None, x0: StateLike, mode: str, settle: float | None = None
+) -> PeriodicOrbit:
+    """Return what `find_orbit` does of a start that no user gave: nothing is told of walls that it lies behind."""
+    return _hybrid_orbit(system, parameters, x0, mode, settle, 1e-12, None)
+
+
 @singledispatch
 def _found(
     system: HybridSystem | Map, parameters: Mapping[str, float] | None, x0: StateLike, mode: str | None,
     settle: float | None, tolerance: float, limit: float | None,
 ) -> PeriodicOrbit | MapOrbit:  # fmt: skip
+    return _hybrid_orbit(system, parameters, x0, mode, settle, tolerance, limit, told=True)
+
+
+def _hybrid_orbit(
+    system: HybridSystem | Map, parameters: Mapping[str, float] | None, x0: StateLike, mode: str | None,
+    settle: float | None, tolerance: float, limit: float | None, *, told: bool = False,
+) -> PeriodicOrbit:  # fmt: skip
     from saltus.flow.starting import passed_event, starting_mode
 
     system = flowing(system)
@@ -168,7 +182,8 @@ def _found(
     limit = limit_of(system.compiled, p, x) if limit is None else checks.positive("limit", limit)
     longest = 3000.0 if settle is None else checks.positive("settle", settle)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
-    warn_behind_wall(system, p, x, start, level=_USER)
+    if told:
+        warn_behind_wall(system, p, x, start, level=_USER)
     search = _search_forced if system.phase is not None else _search_autonomous
     try:
         with one_thread(len(system.states)):

@@ -141,7 +141,7 @@ def test_extrema_are_saved_and_drawn(response, tmp_path):
 BAD = {
     "the parameter": ({"w": "extremum"}, "where the branch turns in it is an SN"),
     "another word": ({A1: "peak"}, "must be a finite number, or 'extremum'"),
-    "a corner": ({"mean(abs(v))": "extremum"}, "of orbits that have its derivative"),
+    "a jump": ({"mean(sign(v))": "extremum"}, "of orbits that have its derivative"),
     "no quantity": ({"max_q": "extremum"}, "max_q"),
 }
 

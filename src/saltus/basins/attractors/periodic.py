@@ -22,7 +22,7 @@ from saltus.basins.attractors.trapping import (
 )
 from saltus.errors import ConvergenceError, SaltusError
 from saltus.flow.event_logs import events_after
-from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
+from saltus.orbits import PeriodicOrbit, orbit_near, solve_orbit
 from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
@@ -131,9 +131,7 @@ class PeriodicSearch(FollowedMotions):
         if turns <= LONGEST:
             # one that is next to rest recurs by the region's size, but not by its own
             with suppress(ConvergenceError):
-                return find_orbit(
-                    flowing(self.system), self.parameters, x, mode=self.system.mode_names[mode], settle=1.0
-                )
+                return orbit_near(flowing(self.system), self.parameters, x, self.system.mode_names[mode], settle=1.0)
         names, start = self.system.mode_names, self.system.full_state(x)
         log = events_after(flowing(self.system), self.p, start, mode, periods=turns)
         events = np.flatnonzero(log.transition >= 0)

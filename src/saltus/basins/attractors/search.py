@@ -30,7 +30,7 @@ from saltus.basins.attractors.periodic import LONGEST, MOST_ATTEMPTS, PeriodicSe
 from saltus.ensemble.traps import DIVERGED, Traps
 from saltus.errors import SaltusError
 from saltus.flow.motion_kind import UNRESOLVED, classify
-from saltus.orbits import PeriodicOrbit, find_orbit
+from saltus.orbits import PeriodicOrbit, orbit_near
 from saltus.orbits.stability.floquet import nontrivial
 from saltus.system.maps import flowing
 
@@ -214,7 +214,7 @@ class AttractorSearch(PeriodicSearch):
         motion is returned as found.
         """
         try:
-            orbit = find_orbit(flowing(self.system), self.parameters, x, mode=self.system.mode_names[mode])
+            orbit = orbit_near(flowing(self.system), self.parameters, x, self.system.mode_names[mode])
         except SaltusError:
             return found
         if not orbit.stable:
