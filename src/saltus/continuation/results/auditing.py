@@ -20,6 +20,7 @@ from saltus.continuation.results.liouville import liouville
 from saltus.continuation.results.locus_ledger import holds, other_values, signs_of_coefficient
 from saltus.continuation.results.stability_ledger import at_one, contradicted_labels, critical_rows, unexplained
 from saltus.errors import SaltusError
+from saltus.orbits.signature import Signature
 from saltus.scales import EPS, LOCATED, ON_LINE, Verdict, followed, same, zero
 
 if TYPE_CHECKING:
@@ -98,10 +99,9 @@ class _Seen:
         return cls(curve, values, rounding, table[:, kept] / ranges[kept], closed)
 
     def events(self, i: int) -> list[int]:
-        """Return the transitions of an orbit, each as often as it happens, in no order; none of other solutions."""
-        if not hasattr(self.curve, "forms"):
-            return []
-        return sorted(k for k in self.curve.forms[self.curve.form[i]].transitions if k >= 0)
+        """Return the transitions of an orbit of a flow, each as often as it happens, sorted; none of other solutions."""
+        form = self.curve.forms[self.curve.form[i]] if hasattr(self.curve, "forms") else None
+        return sorted(k for k in form.transitions if k >= 0) if isinstance(form, Signature) else []
 
     def turns(self, k: int) -> list[tuple[int, int]]:
         """Return between which points, the first and the last of a turn, a parameter turns."""
