@@ -99,7 +99,7 @@ class _Seen:
         return cls(curve, values, rounding, table[:, kept] / ranges[kept], closed)
 
     def events(self, i: int) -> list[int]:
-        """Return the transitions of an orbit of a flow, each as often as it happens, sorted; none of other solutions."""
+        """Return the transitions of an orbit of a flow, each as often as it happens; none of other solutions."""
         form = self.curve.forms[self.curve.form[i]] if hasattr(self.curve, "forms") else None
         return sorted(k for k in form.transitions if k >= 0) if isinstance(form, Signature) else []
 
