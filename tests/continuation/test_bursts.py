@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit
+from saltus.continuation.problems.guards import residual_fault
 from selection import guarding
 
 # Izhikevich, Simple model of spiking neurons (2003): a, b, c, d, I of bursts; the last two are further up
@@ -59,6 +60,21 @@ def test_bursts_of_one_count_of_spikes_lie_on_a_closed_branch(cell, name):
             met, after, moved = landed(orbit, segment)
             assert after == pytest.approx(segment.duration, rel=1e-9 * moved)
             assert met[1] + orbit.parameters["d"] == pytest.approx(following.state[1], abs=1e-9 * moved)
+
+
+def test_a_gap_of_a_slow_state_is_told_where_more_is_left_of_the_event():
+    field = {"v": "v**2 + 2 - a", "a": "-0.3*a"}
+    spike = Transition("m", "m", "v - 100", 1, {"v": "-1", "a": "a + 0.5"}, name="spike")
+    orbit = find_orbit(HybridSystem(("v", "a"), {}, {"m": Mode(field)}, [spike]), x0=[-1.0, 0.5])
+    problem, u = orbit.problem(), orbit.unknowns.copy()
+    problem.start(u)
+    u[1] += 2.5e-4
+    for _ in range(8):  # the event is missed by more than the state
+        F, J = problem.evaluate(u)
+        u[-1] += (2e-4 - F[-1]) / J[-1, problem.size - 1]
+    survey = problem.survey(u)
+    assert survey.residual == pytest.approx(2.5e-4 * (1.0 - np.exp(-0.3 * orbit.period)) / 1.0, rel=0.5)
+    assert residual_fault(problem, survey, u) is not None
 
 
 def test_a_residual_is_told_with_what_grows_over_a_segment():

@@ -647,6 +647,11 @@ def test_a_grazing_is_one_in_all_units(unit):
         assert motion.events["grazing"][0] == grazes
 
 
+def test_a_field_with_a_root_on_a_surface_meets_it_with_speed():
+    system = one_mode({"x": "-1 - sqrt(x)", "y": "1"}, [("x", -1, {"x": "1"}, None)])
+    assert not simulate(system, None, [1.0, 0.0], t_end=3.0).events["grazing"].any()
+
+
 @pytest.mark.parametrize("periods", [1, 6])
 def test_a_saved_trajectory_is_read_back_equal(afm1, tmp_path, periods):
     motion = simulate(afm1, {"Omega": 1.1}, [0.3, 0.2], periods=periods)

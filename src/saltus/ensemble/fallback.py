@@ -12,7 +12,6 @@ from saltus.ensemble.labels import DIVERGED, UNDECIDED
 from saltus.errors import DivergenceError, SaltusError, StickingError
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.poincare import iterate
-from saltus.flow.shares import limit_of
 from saltus.flow.starting import starting_mode
 
 if TYPE_CHECKING:
@@ -61,8 +60,7 @@ def follow_alone(
     """
     strobe, seen = 0, 0
     p = system.parameter_vector(parameters)
-    usual = limit_of(system.compiled, p, np.abs(x))
-    limit = traps.limit if usual < traps.limit < math.inf else None
+    limit = traps.limit if traps.limit < math.inf else None
     try:
         if mode < 0:
             mode = starting_mode(system, system.full_state(x), p)

@@ -24,6 +24,7 @@ def event_table(
     rates: NDArray[np.float64],
     p: NDArray[np.float64],
     starts: NDArray[np.float64],
+    t_end: float,
 ) -> NDArray[np.void]:
     """Return the events of a motion as `Trajectory.events` has them, from arrays as `EventDrivenMotion.events` has.
 
@@ -33,6 +34,8 @@ def event_table(
         Parameters, extended or not.
     starts : ndarray, shape (step, all states)
         States on the way, whose sizes tell how fast an event function changes.
+    t_end : float
+        When the motion ends.
     """
     n = len(system.all_states)
     names = (*system.transition_names, "" if system.phase is None else system.phase[0])
@@ -51,27 +54,33 @@ def event_table(
     table["kind"] = np.where(wraps, "phase", "event")
     table["name"] = np.array(names)[which[:, 0]]
     table["mode_before"], table["mode_after"] = modes[which[:, 1]], modes[which[:, 2]]
-    table["grazing"] = _are_grazing(system, which[:, 0], ends, rates, p, starts)
+    table["grazing"] = _are_grazing(system, times, which[:, 0], ends, rates, p, starts, t_end)
     table.setflags(write=False)
     return table
 
 
 def _are_grazing(
     system: HybridSystem,
+    times: NDArray[np.float64],
     transitions: NDArray[np.int64],
     ends: NDArray[np.float64],
     rates: NDArray[np.float64],
     p: NDArray[np.float64],
     starts: NDArray[np.float64],
+    t_end: float,
 ) -> NDArray[np.bool_]:
-    """Return which events are met without speed: their rates are next to nothing of what the states' sizes make."""
-    n = ends.shape[2]
+    """Return which events are met without speed: what it makes in the longest flight is nothing of the states' sizes.
+
+    With a phase no flight counts as longer than its turn.
+    """
+    n, happens = ends.shape[2], transitions >= 0
     sizes = np.abs(np.concatenate([ends.reshape(-1, n), starts])).max(axis=0, initial=0.0)
+    longest = float(np.diff(times, prepend=0.0, append=max(t_end, times.max(initial=0.0))).max())
     extended, out = system.compiled.extended(p[: len(system.parameters)]), np.empty(2 + 2 * n)
     found = np.zeros(rates.size, dtype=np.bool_)
-    for i in np.flatnonzero(transitions >= 0).tolist():
+    for i in np.flatnonzero(happens).tolist():
         system.compiled.call("event_x", int(transitions[i]), 0, np.ascontiguousarray(ends[i, 0]), extended, out)
-        found[i] = abs(rates[i]) < SPEEDLESS * float(np.abs(out[2 + n :]) @ sizes)
+        found[i] = abs(rates[i]) * longest < SPEEDLESS * float(np.abs(out[2 : 2 + n]) @ sizes)
     return found
 
 

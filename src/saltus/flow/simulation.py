@@ -235,7 +235,7 @@ def simulate(
         t_end=full if periods is not None or short else end,
         x_end=frozen(run.x),
         mode_end=system.mode_names[run.mode],
-        events=event_table(system, seen, kinds, sides, rates, run.p, starts),
+        events=event_table(system, seen, kinds, sides, rates, run.p, starts, full),
         stopped=stopped,
         step_times=frozen(times[:, 0]),
         step_lengths=frozen(times[:, 1]),

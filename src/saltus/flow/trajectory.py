@@ -57,7 +57,7 @@ class Trajectory(Result):
     events : structured ndarray, shape (event,)
         Fields `time`, `kind` ("event", or "phase" for a wrap of the phase), `name` (of the transition or the phase),
         `mode_before`, `mode_after`, `before` and `after` (full states). `normal_velocity` is the rate of the event
-        function before the event. `grazing` is true where it is below 1e-6 of what the states' sizes make of it.
+        function before the event. `grazing` is true where it makes less in a flight than 1e-6 of the states' sizes.
     stopped : str
         Why the motion ended.
     step_times, step_lengths : ndarray, shape (step,)
@@ -401,7 +401,7 @@ class Trajectory(Result):
             t_end=t_end,
             x_end=frozen(held.array("x_end", ("state",))),
             mode_end=system.mode_names[system.mode_index(held.text("mode_end"))],
-            events=event_table(system, times, np.stack(which, axis=1), ends, rates, p, starts),
+            events=event_table(system, times, np.stack(which, axis=1), ends, rates, p, starts, t_end),
             stopped=held.text("stopped"),
             step_times=frozen(begun),
             step_lengths=frozen(lengths),

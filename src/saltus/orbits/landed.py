@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import numpy as np
 
 from saltus.orbits.signature import EVENT_END
-from saltus.scales import EPS, RESIDUAL_KEPT, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
+from saltus.scales import EPS, ON_SURFACE, RESIDUAL_KEPT, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
+from saltus.system.angles import TURN
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -175,8 +176,9 @@ def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> S
     """Return a survey whose residuals of events are in time, and whose extremes are on their surfaces.
 
     So it is where more is left than is kept, and the rate at the surface tells the time. A fast passage magnifies the
-    rounding of a start. The residuals there are shares of the period, in units of the largest state; all others stay.
-    The state on the surface is taken along the flow, from where the segment ends.
+    rounding of a start. Gaps of the states stay what they are. The residuals there are shares of the period, in units
+    of the largest state; all others stay. The state on the surface is taken along the flow, from where the segment
+    ends.
     """
     left, least = survey.rates[:, 2], RESIDUAL_KEPT * float(problem.state_scale.min())
     if not (left > least).any():
@@ -186,7 +188,8 @@ def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> S
         off = (problem.kinds == EVENT_END) & (left > least) & (left <= _FAR * period * np.abs(survey.rates[:, 0]))
     if not off.any():
         return survey
-    places = np.flatnonzero(off & (left > RESIDUAL_KEPT * problem.event_sizes(u)))
+    sizes, moved = problem.event_sizes(u), _moved(problem, u, survey.rates[:, 0])
+    places = np.flatnonzero(off & (left > RESIDUAL_KEPT * sizes))
     lows, highs, rates = survey.lows.copy(), survey.highs.copy(), survey.rates.copy()
     _, starts, nodes, _ = problem.dense()
     compiled, p = problem.system.compiled, problem.extended
@@ -200,8 +203,21 @@ def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> S
         for bounds in (lows, highs):
             bounds[:n] = np.where(bounds[:n] == end, there, bounds[:n])
         if rates[i, 2] == abs(event[0]):
-            rates[i, 2] = abs(late) / period * float(problem.state_scale.max())
+            share = abs(late) / period * float(problem.state_scale.max())
+            # on a surface that the flow's error in time leads away from, the states' gap is that of this error
+            steep = moved[i] > ON_SURFACE * sizes[i]
+            rates[i, 2] = share if steep else max(share, _gap(problem, u, i, there))
     return survey._replace(lows=lows, highs=highs, rates=rates)
+
+
+def _gap(problem: Equations, u: NDArray[np.float64], i: int, there: NDArray[np.float64]) -> float:
+    """Return how far a segment misses the start of the next one, from a state on its surface, but for the phase."""
+    system, n, count = problem.system, problem.n, len(problem.modes)
+    after, following = np.empty(n), (i + 1) % count * (n + 1)
+    system.compiled.call("reset", int(problem.transitions[i]), 0, there, problem.extended, after)
+    apart = after - u[following : following + n]
+    apart[system.angle_places] -= TURN * np.round(apart[system.angle_places] / TURN)
+    return float(np.abs(apart[: len(system.states)]).max(initial=0.0))
 
 
 def before_poles(

@@ -34,8 +34,8 @@ class NormalForm:
 
     type: str  # ``SN``: x -> x + a x^2; ``PD``: x -> -x + c x^3; ``TR``: z -> exp(i angle) z (1 + d abs(z)^2)
     # a, c, or the real part of d. The critical eigenvector has unit length at the first segment's start, in the states
-    # and the phase, of which a period of the drive has 2 pi. Another length keeps the
-    # signs of c and d; a changes sign with the eigenvector.
+    # and the phase, of which a period of the drive has 2 pi. Another length keeps the signs of c and d; a changes sign
+    # with the eigenvector.
     coefficient: float
     angle: float  # angle of the critical multipliers, in radians
     # how many multipliers are critical at once, or pairs. With more than one, coefficient and angle are NaN.

@@ -11,6 +11,7 @@ from saltus.orbits.exactness import computed_finer, point_errors
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.scales import FINEST, ROUNDED_ROUNDS, ROUNDS_ALIKE, Verdict, same
 from saltus.system.angles import wrapped
+from saltus.system.periodicity import PRIMES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from saltus.system import HybridSystem
 
 __all__ = ["divided", "drive_text", "repeats_of", "rounds_of", "shortest"]
-
-_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)  # factors of a count of rounds
 
 
 def rounds_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
@@ -40,7 +39,7 @@ def shortest(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[int, tuple[
     if rests and problem.system.phase is None:
         return 1, None
     count, found, error = 1, None, None if problem.tol <= FINEST else _error(problem, u)
-    for prime in _PRIMES:
+    for prime in PRIMES:
         while True:
             once, verdict = _repeated(problem, u, count * prime, error)
             if verdict is Verdict.UNCLEAR and error is not None:

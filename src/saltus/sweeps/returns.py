@@ -179,14 +179,19 @@ class FlowReturns:
 
     def described(self) -> dict[str, Any]:
         """Return the settings as plain data."""
-        # files of sweeps without it go on to be resumed
-        return ({} if self.limit is None else {"limit": self.limit}) | {
-            "x0": self.x0.tolist(),
-            "mode": self.mode,
-            "section": asdict(self.surface) if isinstance(self.surface, Section) else self.surface,
-            "rtol": self.rtol,
-            "atol": self.atol,
-        }
+        # files of sweeps without them go on to be resumed
+        strobed = {"drive_repeats": self.system.drive_repeats} if self.system.drive_repeats > 1 else {}
+        return (
+            strobed
+            | ({} if self.limit is None else {"limit": self.limit})
+            | {
+                "x0": self.x0.tolist(),
+                "mode": self.mode,
+                "section": asdict(self.surface) if isinstance(self.surface, Section) else self.surface,
+                "rtol": self.rtol,
+                "atol": self.atol,
+            }
+        )
 
     def ready(self, vectors: Sequence[NDArray[np.float64]], *, given: bool) -> FlowReturns:
         """Return the same with an absolute tolerance that fits the states, where none was given.

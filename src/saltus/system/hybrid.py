@@ -41,9 +41,9 @@ class HybridSystem(CompiledDefinition):
     transitions : iterable of Transition, optional
         Jumps between them.
     phase : (str, expression), optional
-        Name and rate of an angle: ``theta' = w`` on the circle, ``0 <= theta < 2 pi``, in every mode. It is the last
-        component of the full state; expressions must have the period 2 pi in it. Phase 0 is the natural section. Where
-        all of them repeat several times in 2 pi, as for ``cos(2*theta)``, ``theta`` goes back to 0 each time.
+        Name and rate of an angle: ``theta' = w`` on the circle, in every mode. It is the last component of the full
+        state; expressions must have the period 2 pi in it. Phase 0 is the natural section. ``theta`` goes back to 0 at
+        2 pi. Where all expressions repeat k times in 2 pi, as for ``cos(2*theta)``, it does so at 2 pi / k.
     outputs : mapping of str to expression (or to a mapping of mode to expression), optional
         Named quantities that results record.
     groups : mapping of str to sequence of str, optional

@@ -32,15 +32,15 @@ if TYPE_CHECKING:
     from saltus.system.parts import Mode
 
 __all__ = [
-    "check_angles", "check_phase_in", "drive_repeats", "evaluate_along", "fade_rates", "faded_modes", "is_periodic",
-    "repeats_with_drive",
+    "PRIMES", "check_angles", "check_phase_in", "drive_repeats", "evaluate_along", "fade_rates", "faded_modes",
+    "is_periodic", "repeats_with_drive",
 ]  # fmt: skip
 
 _SAMPLES = 24  # states at which an expression is compared with itself a turn on
 _ALIKE = 1e-9  # difference a turn on, over the largest value seen, up to which an expression has the period
 _WIDTHS = (0.3, 1.0, 3.0)  # sizes of the states of the samples
 _SEED = 2718281828
-_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)  # parts of a turn that are looked at
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)  # of what is looked at
 _LARGEST = 2000  # operations of a formula from which on its harmonics are not looked for
 
 
@@ -232,7 +232,7 @@ def _may_repeat(system: Definition, phase: str, texts: list[str]) -> bool:
     """
     chosen = np.random.default_rng(_SEED)
     here = {name: chosen.uniform(0.3, 1.7, _SAMPLES) for name in (*system.parameters, *system.states)}
-    angle, parts = chosen.uniform(0.0, TURN, _SAMPLES), list(_PRIMES)
+    angle, parts = chosen.uniform(0.0, TURN, _SAMPLES), list(PRIMES)
     with np.errstate(all="ignore"):
         for text in texts:
             expression = read_expression(text, _names(system))

@@ -182,6 +182,7 @@ class Attractors(Result):
             "scale": json.dumps(self.scale),
             "measured_error": self.measured_error,
             "limit": self.traps.limit,
+            "drive_repeats": self.system.drive_repeats,
             "visits": 0 if self.traps.cells is None else self.traps.cells.visits,
             "orbits": json.dumps(orbit_attrs, default=float),
         }
@@ -193,6 +194,10 @@ class Attractors(Result):
         held.names("state", system.states)
         if len(set(names)) < len(names) or len(names) > DIVERGED:
             raise InputError("attribute 'names'", names, f"names, each once, at most {DIVERGED}")
+        known = int(held.dataset.attrs.get("drive_repeats", 1))
+        if known != system.drive_repeats:
+            wanted = f"{system.drive_repeats}, as often as the drive repeats"
+            raise InputError("attribute 'drive_repeats'", known, wanted, "its points are a turn apart: find them anew")
         points = held.array("point", ("index", "state"))
         labels = held.array("label", ("index",), int, least=0, most=len(names) - 1)
         if set(labels.tolist()) != set(range(len(names))):

@@ -15,7 +15,7 @@ import numpy as np
 
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.floquet import multiplier_errors, nontrivial, with_errors
-from saltus.scales import EPS, ILL_CONDITIONED, Verdict, zero
+from saltus.scales import EPS, Verdict, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,12 +36,7 @@ def algebraic_error(self: Any, name: Monitor, point: Point) -> float:
     own = self.monitor(name, _at(self, point, point.u, 0))
     if not math.isfinite(own):
         return math.inf
-    error = 0.0
-    for nudged in _nudged(self, point):
-        error = max(error, abs(self.monitor(name, nudged) - own))
-        if error < ILL_CONDITIONED * abs(own):  # half of the digits are clear: no other pattern leaves none
-            break
-    return error
+    return float(max(abs(self.monitor(name, nudged) - own) for nudged in _nudged(self, point)))
 
 
 def _nudged(self: Any, point: Point) -> Iterator[Point]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -95,7 +95,7 @@ class Touch(NamedTuple):
 
 
 def inserted(
-    problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], touches: Iterable[Touch]
+    problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], touches: Sequence[Touch]
 ) -> Found | str:
     """Cut segments where they touch surfaces, or return why one of them cannot be cut."""
     old, n = problem.signature, problem.n

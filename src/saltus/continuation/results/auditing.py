@@ -182,7 +182,7 @@ def _retraced(seen: _Seen, k: int, i: int, j: int) -> bool:
     shares = []
     for b in range(j, min(j + _BESIDE, len(seen.values))):
         if seen.events(b) != seen.events(i):  # an orbit with further events is another one, however near
-            break
+            continue
         for a, c in pairwise(before):
             share = _off_line(seen, k, (a, c), b)
             if share is not None:
