@@ -96,18 +96,15 @@ class OrbitLocusRun(TwoParameterRun):
         self.branch = LocusZeroProblem(problem, self.kind, condition, z, self.bounds)
         return z
 
-    def judged(self, matrix: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See `TwoParameterRun.judged`: segments are in the sizes of the states, conditions on multipliers as they are.
+    def judged(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `TwoParameterRun.judged`: conditions on multipliers are judged as they are.
 
         The terms of a condition at a cusp vanish where its parameters do not unfold it.
         """
-        problem, units = self.branch.problem, np.ones((len(matrix), 1))
-        blocks = units[: problem.size, 0].reshape(problem.segments, problem.n + 1)
-        events = problem.event_sizes(self.branch.orbit(z))
-        blocks[:, :-1], blocks[:, -1] = problem.state_scale, np.where(events > 0.0, events, 1.0)
-        if self.kind in CHANGES:
-            units[problem.size :] = np.abs(matrix[problem.size :]).max(axis=1, keepdims=True)
-        return np.asarray(matrix / np.where(units > 0.0, units, 1.0))
+        found, size = super().judged(matrix), self.branch.problem.size
+        if self.kind not in CHANGES:
+            found[size:] = matrix[size:]
+        return found
 
     def why_irregular(self) -> str:
         """See `TwoParameterRun.why_irregular`."""

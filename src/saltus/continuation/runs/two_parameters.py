@@ -117,7 +117,7 @@ class TwoParameterRun(Run):
         """Return what the first point is."""
         return self.branch.examine(point, None)  # type: ignore[no-any-return]
 
-    def judged(self, matrix: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
+    def judged(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the rows of the extended equations as they tell whether a start is regular: over their terms."""
         terms = np.abs(matrix).max(axis=1, keepdims=True)
         return np.asarray(matrix / np.where(terms > 0.0, terms, 1.0))
@@ -129,7 +129,7 @@ class TwoParameterRun(Run):
     def begin(self) -> tuple[Any, Point]:
         """Return the equations and the first point, its tangent towards growing values of the user's second one."""
         z = self.extended()
-        found = np.linalg.svd(self.judged(self.branch.evaluate(z)[1] * self.branch.scale(), z), compute_uv=False)
+        found = np.linalg.svd(self.judged(self.branch.evaluate(z)[1] * self.branch.scale()), compute_uv=False)
         if not found[-1] > REGULAR * found[0]:
             raise self.irregular(self.why_irregular())
         try:
