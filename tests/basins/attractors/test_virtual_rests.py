@@ -210,13 +210,17 @@ def test_a_rest_beyond_an_event_attracts_where_another_transition_lands_beyond()
     assert found.fates["rest"] == 32
 
 
-def test_a_rest_behind_a_wall_attracts_what_a_second_event_puts_there():
-    field = Mode({"x": "v", "v": "2 - x - 0.6*v"})
+def carried_over(place):
+    """A ball pressed to a wall at x = 1, and carried over it from `place`."""
     ways = [
         Transition("free", "free", "x - 1", 1, {"v": "-0.5*v"}, name="impact"),
-        Transition("free", "free", "x + 1", -1, {"x": "1.5", "v": "0"}, name="carried over"),
+        Transition("free", "free", f"x - ({place!r})", -1, {"x": "1.5", "v": "0"}, name="carried over"),
     ]
-    system = HybridSystem(("x", "v"), {}, {"free": field}, ways)
+    return HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": "2 - x - 0.6*v"})}, ways)
+
+
+def test_a_rest_behind_a_wall_attracts_what_a_second_event_puts_there():
+    system = carried_over(-1.0)
     found = searched(system, {"x": (-0.9, 0.9), "v": (-8.0, 2.0)}, 0.37)
     assert rests_of(found) == [pytest.approx([2.0, 0.0], abs=1e-9)]
     ahead = simulate(system, {}, [0.5, -6.0], t_end=60.0)(60.0)
@@ -232,4 +236,17 @@ def test_a_rest_beyond_an_event_attracts_where_a_kick_at_a_phase_lands_beyond():
     system = HybridSystem(("v",), {}, {"a": Mode({"v": "1.5 - v"})}, ways, phase=("s", 6.5))
     found = searched(system, {"v": (-1.0, 0.9)}, None)
     assert rests_of(found) == [pytest.approx([1.5], abs=1e-9)]
+    assert found.fates["rest"] == 32
+
+
+def test_a_second_event_that_no_motion_meets_puts_nothing_behind_a_wall():
+    found = searched(carried_over(-30.0), {"x": (-1.0, 3.0), "v": (-4.0, 4.0)}, 0.37)
+    assert rests_of(found) == []
+
+
+def test_a_rest_attracts_what_comes_from_a_surface_outside_the_region():
+    modes = {"a": Mode({"x": "2 - x"}), "b": Mode({"x": "-1"})}
+    ways = [Transition("a", "b", "x - 1", 1), Transition("b", "a", "x + 7", -1, {"x": "1.5"})]
+    found = searched(HybridSystem(("x",), {}, modes, ways), {"x": (0.0, 0.9)}, 0.37)
+    assert rests_of(found) == [pytest.approx([2.0], abs=1e-9)]
     assert found.fates["rest"] == 32

@@ -5,7 +5,7 @@ is closed where no motion comes there from before:
 
 * motions that meet the event change their mode, or are turned back by its reset;
 * the event's condition holds wherever motions meet it;
-* no other transition into the mode lands beyond.
+* no other transition into the mode lands beyond, from a state of the region.
 
 All three are looked at from sampled states, so that a narrow gap may be missed. Motions are the better evidence: a side
 where one ends that began elsewhere is open (`ClosedSides.watch`).
@@ -155,13 +155,18 @@ class ClosedSides:
         return found
 
     def _is_landed_beyond(self, k: int, box: NDArray[np.float64]) -> bool:
-        """Return whether a transition into the mode of an event lands beyond it. Those from sliding are left out."""
+        """Return whether a transition into the mode of an event lands beyond it, made from a state of the box.
+
+        Those from sliding are left out.
+        """
+        n, margin = len(self.scale), MET * self.scale
         for j, transition in enumerate(self.system.transitions):
             sliding = self.system.modes[transition.source].surface is not None
             if transition.target != self.system.transitions[k].source or sliding:
                 continue
             for x in self._meetings(j, box):
-                if not self._is_due(j, x):
+                inside = (x[:n] >= box[0] - margin) & (x[:n] <= box[1] + margin)
+                if not inside.all() or not self._is_due(j, x):
                     continue
                 height, _, gradient = self._height(k, self._landed(j, x))
                 if height > self._met(k, gradient):
