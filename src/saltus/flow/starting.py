@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "allowed_modes",
+    "defined_modes",
     "domain_value",
     "negative_root",
     "passed_event",
@@ -109,10 +110,13 @@ def _check_own(system: HybridSystem, mode: str, x: NDArray[np.float64], p: NDArr
 
 def allowed_modes(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> Iterator[int]:
     """Go through the indices of the modes in which a motion may start at x."""
+    return (index for index in defined_modes(system, x, p) if not passed_event(system, index, x, p))
+
+
+def defined_modes(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> Iterator[int]:
+    """Go through the indices of the modes in which a motion may be at x: before their events, or beyond."""
     for index in range(len(system.modes)):
-        if np.any(x[absent_states(system, index)] != 0.0):
-            continue
-        if domain_value(system, index, x, p) > 0.0 and not passed_event(system, index, x, p):
+        if not np.any(x[absent_states(system, index)] != 0.0) and domain_value(system, index, x, p) > 0.0:
             yield index
 
 

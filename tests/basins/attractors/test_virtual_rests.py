@@ -152,3 +152,101 @@ def test_a_ball_pressed_through_a_wall_rests_nowhere():
         [Transition("free", "free", "x - 1", 1, {"v": "-0.5*v"}, name="impact")],
     )  # fmt: skip
     assert rests_of(searched(system, {"x": (-1.0, 3.0), "v": (-1.0, 1.0)}, 0.7)) == []
+
+
+def conditional_relay(high, when, unit=1.0):
+    """A relay whose mode 'a' goes to 'b' where x rises through `high`, if `when` holds; z runs to 1 in both modes."""
+    z, u = f"0.5*({unit!r} - z)", unit
+    modes = {"a": Mode({"x": f"{2 * u!r} - x", "z": z}), "b": Mode({"x": f"{-u!r}", "z": z})}
+    ways = [Transition("a", "b", f"x - {high * u!r}", 1, when=when), Transition("b", "a", f"x + {u!r}", -1)]
+    return HybridSystem(("x", "z"), {}, modes, ways)
+
+
+def ends_at_rest(x, z, high):
+    """Whether a motion of the conditional relay in mode 'a' has z below 0 where it passes `high`, in the units of x."""
+    passing = math.log((2.0 - x) / (2.0 - high))
+    return 1.0 - (1.0 - z) * math.exp(-0.5 * passing) < 0.0
+
+
+@pytest.mark.parametrize("unit", guarding([1.0, 1e-9, 1e9], 1.0, campaign=2))
+def test_a_rest_behind_an_event_with_a_condition_attracts_what_passes_where_it_does_not_hold(unit):
+    box = {"x": (-2.0 * unit, 0.5 * unit), "z": (-6.0 * unit, 2.0 * unit)}
+    system = conditional_relay(1.0, "z", unit)
+    found = searched(system, box, 0.37, starts=128)
+    assert rests_of(found) == [pytest.approx([2.0 * unit, unit], abs=1e-6 * unit)]
+    basins = map_basins(system, {}, {name: (*ends, 20) for name, ends in box.items()}, found)
+    assert basins.fractions()["undecided"] == 0.0
+    kinds = [[found.kinds[basins.names[int(label)]] == "rest" for label in row] for row in basins.labels]
+    xs, zs = (axis / unit for axis in basins.grid.axes)
+    assert kinds == [[ends_at_rest(x, z, 1.0) for z in zs] for x in xs]
+
+
+def test_a_rest_behind_an_event_attracts_what_passes_through_a_narrow_gap_of_its_condition():
+    system = conditional_relay(1.0, "(z + 3)**2 - 1e-6")  # open from -3.001 to -2.999: sampled states may miss it
+    passing = math.log(2.0)  # from x = 0 to 1
+    z = 1.0 - 4.0 * math.exp(0.5 * passing)
+    found = searched(system, {"x": 0.0, "z": (z - 1e-3, z + 1e-3)}, 0.37)
+    assert rests_of(found) == [pytest.approx([2.0, 1.0], abs=1e-6)]
+    assert found.fates["rest"] == 32
+
+
+def test_two_events_of_one_surface_whose_conditions_share_it_leave_no_rest_behind():
+    z = "0.5*(1 - z)"
+    modes = {"a": Mode({"x": "2 - x", "z": z}), "b": Mode({"x": "-1", "z": z}), "c": Mode({"x": "-2", "z": z})}
+    ways = [
+        Transition("a", "b", "x - 1", 1, when="z"), Transition("a", "c", "x - 1", 1, when="1e-300 - z"),
+        Transition("b", "a", "x + 1", -1), Transition("c", "a", "x + 1", -1),
+    ]  # fmt: skip
+    found = searched(HybridSystem(("x", "z"), {}, modes, ways), {"x": (-2.0, 0.5), "z": (-6.0, 2.0)}, 0.37)
+    assert rests_of(found) == []
+    assert found.fates["limit cycle"] == 32
+
+
+def test_a_rest_beyond_an_event_attracts_where_another_transition_lands_beyond():
+    modes = {"a": Mode({"x": "2 - x"}), "b": Mode({"x": "-1"})}
+    ways = [Transition("a", "b", "x - 1", 1), Transition("b", "a", "x + 1", -1, {"x": "1.5"})]
+    found = searched(HybridSystem(("x",), {}, modes, ways), {"x": (-2.0, 0.9)}, 0.37)
+    assert rests_of(found) == [pytest.approx([2.0], abs=1e-9)]
+    assert found.fates["rest"] == 32
+
+
+def carried_over(place):
+    """A ball pressed to a wall at x = 1, and carried over it from `place`."""
+    ways = [
+        Transition("free", "free", "x - 1", 1, {"v": "-0.5*v"}, name="impact"),
+        Transition("free", "free", f"x - ({place!r})", -1, {"x": "1.5", "v": "0"}, name="carried over"),
+    ]
+    return HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": "2 - x - 0.6*v"})}, ways)
+
+
+def test_a_rest_behind_a_wall_attracts_what_a_second_event_puts_there():
+    system = carried_over(-1.0)
+    found = searched(system, {"x": (-0.9, 0.9), "v": (-8.0, 2.0)}, 0.37)
+    assert rests_of(found) == [pytest.approx([2.0, 0.0], abs=1e-9)]
+    ahead = simulate(system, {}, [0.5, -6.0], t_end=60.0)(60.0)
+    assert ahead == pytest.approx([2.0, 0.0], abs=1e-6)
+    assert found.fates["rest"] > 0
+
+
+def test_a_rest_beyond_an_event_attracts_where_a_kick_at_a_phase_lands_beyond():
+    ways = [
+        Transition("a", "a", "v - 1", 1, {"v": "0"}),
+        Transition("a", "a", "sin(s)", 1, {"v": "1.2"}, name="kick", when="0.9 - v"),
+    ]
+    system = HybridSystem(("v",), {}, {"a": Mode({"v": "1.5 - v"})}, ways, phase=("s", 6.5))
+    found = searched(system, {"v": (-1.0, 0.9)}, None)
+    assert rests_of(found) == [pytest.approx([1.5], abs=1e-9)]
+    assert found.fates["rest"] == 32
+
+
+def test_a_second_event_that_no_motion_meets_puts_nothing_behind_a_wall():
+    found = searched(carried_over(-30.0), {"x": (-1.0, 3.0), "v": (-4.0, 4.0)}, 0.37)
+    assert rests_of(found) == []
+
+
+def test_a_rest_attracts_what_comes_from_a_surface_outside_the_region():
+    modes = {"a": Mode({"x": "2 - x"}), "b": Mode({"x": "-1"})}
+    ways = [Transition("a", "b", "x - 1", 1), Transition("b", "a", "x + 7", -1, {"x": "1.5"})]
+    found = searched(HybridSystem(("x",), {}, modes, ways), {"x": (0.0, 0.9)}, 0.37)
+    assert rests_of(found) == [pytest.approx([2.0], abs=1e-9)]
+    assert found.fates["rest"] == 32

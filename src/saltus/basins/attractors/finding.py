@@ -118,7 +118,7 @@ def find_attractors(
         search.follow(starts)
         if len(search.found) < DIVERGED:
             search.drop_transients()
-        search.drop_virtual()
+        search.drop_virtual(starts)
         return _assembled(search, box, sorted(search.found, key=lambda found: _rank(search, found)), None, starts)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from saltus.basins.attractors.closed_sides import ClosedSides
 from saltus.basins.attractors.found import AttractorOptions, Found
 from saltus.ensemble.ensemble import Ensemble, limit_at
+from saltus.ensemble.traps import Ellipsoids, Traps
 from saltus.errors import SaltusError
 from saltus.flow.shares import limit_of
 from saltus.flow.simulation import simulate
@@ -140,8 +141,14 @@ class FollowedMotions:
     def _closed_sides(self) -> ClosedSides:
         return ClosedSides(flowing(self.system), self.p, self.low, self.high, self.scale)
 
-    def drop_virtual(self) -> None:
-        """Set aside what is no attractor, since no motion that meets its events comes there."""
+    def drop_virtual(self, starts: NDArray[np.float64]) -> None:
+        """Set aside what lies beyond an event to whose other side no motion comes, nor any from given starts."""
+        if not any(self.is_virtual(found) for found in self.found):
+            return
+        cores = [found.core.as_traps(0) for found in self.found if found.core is not None]
+        traps = Traps(len(self.low), Ellipsoids.joined(cores) if cores else None, limit=self.limit)
+        _, ends, modes = self.ensemble.arrivals(starts, traps, self.options.longest)
+        self._closed_sides.watch(starts, ends, modes)
         self.virtual += [found for found in self.found if self.is_virtual(found)]
         self.found = [found for found in self.found if found not in self.virtual]
 
@@ -153,8 +160,9 @@ class FollowedMotions:
         return not found.touches and len(found.visited) == 1 and self._closed_sides.hold(found.points, *found.visited)
 
     def _beside(self, found: Found) -> Callable[[NDArray[np.float64]], bool]:
-        """Return what tells whether all of some states lie beyond the event that a virtual set lies beyond."""
-        return lambda x: self._closed_sides.hold(x, *found.visited)
+        """Return what tells whether all of some states lie beyond the events that a virtual set lies beyond."""
+        events = self._closed_sides.events(found.points, *found.visited)
+        return lambda x: all(self._closed_sides.lie_beyond(k, x) for k in events)
 
     @property
     def spent(self) -> float:

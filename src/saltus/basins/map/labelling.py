@@ -19,7 +19,7 @@ from saltus.basins.attractors.trap_files import check_traps, traps_as_data, trap
 from saltus.ensemble.ensemble import limit_at
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import InputError
-from saltus.flow.starting import allowed_modes
+from saltus.flow.starting import defined_modes
 from saltus.system import HybridSystem, Map
 from saltus.system.maps import flowing
 from saltus.system.plain import all_parameters, system_from
@@ -135,7 +135,7 @@ class Labelling:
         return np.asarray(labels, dtype=np.uint8)
 
     def from_each_mode(self, point: NDArray[np.float64]) -> list[int]:
-        """Return the labels of the motions that start at a point, shape (n,), one for each mode that it allows."""
+        """Return the labels of the motions that start at a point, shape (n,), one for each mode defined there."""
         return _from_each_mode(self.system, self, point)
 
     def stricter(self, tolerance: float, points: Mapping[int, ArrayLike]) -> Labelling:
@@ -167,7 +167,7 @@ class Labelling:
         lost = (labels == UNDECIDED) & ~np.isfinite(states).all(axis=1)
         barred = [not ensemble.admits(x) for x in points[lost]]
         late = (labels == UNDECIDED) & ~lost
-        beyond = _beyond(self.system, self, states[late], modes[late])
+        beyond = _beyond(self.system, self, points[late], states[late], modes[late])
         reasons = {
             f"reach no trapping region within {self.longest} periods": int(late.sum()) - beyond,
             "stay beyond an event of their mode": beyond,
@@ -280,25 +280,38 @@ def _ensemble_of_map(system: Map, labelling: Labelling) -> Any:
 
 
 @singledispatch
-def _beyond(system: HybridSystem | Map, labelling: Labelling, x: NDArray[np.float64], modes: NDArray[np.int64]) -> int:
-    """Return how many states, shape (m, n), in their modes, lie beyond an event to whose other side no motion comes."""
+def _beyond(
+    system: HybridSystem | Map,
+    labelling: Labelling,
+    starts: NDArray[np.float64],
+    x: NDArray[np.float64],
+    modes: NDArray[np.int64],
+) -> int:
+    """Return how many motions end, in states x, shape (m, n), beyond an event to whose other side no motion comes."""
     if not len(x):
         return 0
     system, low, high = flowing(system), x.min(axis=0), x.max(axis=0)
     sizes = np.ones(x.shape[1]) if labelling.scale is None else np.array(labelling.scale)
     sides = ClosedSides(system, system.parameter_vector(labelling.parameters), low, high, sizes)
+    sides.watch(starts, x, modes)
     return sum(sides.hold(row, system.mode_names[mode]) for row, mode in zip(x, modes.tolist(), strict=True))
 
 
 @_beyond.register(Map)
-def _of_no_events(system: Map, labelling: Labelling, x: NDArray[np.float64], modes: NDArray[np.int64]) -> int:
+def _of_no_events(
+    system: Map,
+    labelling: Labelling,
+    starts: NDArray[np.float64],
+    x: NDArray[np.float64],
+    modes: NDArray[np.int64],
+) -> int:
     return 0
 
 
 @singledispatch
 def _from_each_mode(system: HybridSystem | Map, labelling: Labelling, point: NDArray[np.float64]) -> list[int]:
     system = flowing(system)
-    modes = list(allowed_modes(system, system.full_state(point), system.parameter_vector(labelling.parameters)))
+    modes = list(defined_modes(system, system.full_state(point), system.parameter_vector(labelling.parameters)))
     points = np.broadcast_to(point, (len(modes), point.size))
     labels: NDArray[np.uint8] = labelling.ensemble.settle(points, labelling.traps, labelling.longest, modes)[0]
     return [int(label) for label in labels]
