@@ -182,10 +182,11 @@ class Attractors(Result):
             "scale": json.dumps(self.scale),
             "measured_error": self.measured_error,
             "limit": self.traps.limit,
-            "drive_repeats": self.system.drive_repeats,
             "visits": 0 if self.traps.cells is None else self.traps.cells.visits,
             "orbits": json.dumps(orbit_attrs, default=float),
         }
+        if self.system.drive_repeats > 1:
+            dataset.attrs["drive_repeats"] = self.system.drive_repeats
         return dataset
 
     @classmethod
