@@ -1,4 +1,4 @@
-"""Landings of an orbit's segments on surfaces that are met steeply: their residuals are measured in time.
+"""Landings of an orbit's segments on surfaces: their residuals are measured in time, as where they are met steeply.
 
 The duration of a segment has the rounding of its number. An upstroke may pass an event's surface at a rate of 1e15. No
 duration brings the event function nearer to 0 there than this rounding times the rate.
