@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["POWERS_OF_TERMS", "Motion", "dense_states"]
+__all__ = ["POWERS_OF_TERMS", "Motion", "angle_of", "clustered_clocks", "dense_states"]
 
 States: TypeAlias = "Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]]"
 
@@ -103,6 +103,23 @@ class Motion:
             turns=None,
             extremes={},
         )
+
+
+def clustered_clocks(
+    begun: NDArray[np.float64], duration: NDArray[np.float64], s: NDArray[np.float64], h: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the times along steps of clustered time, t = T s^2 (3 - 2 s), by powers of a step's fraction, (step, 4).
+
+    begun, duration: of the segment of each step; s, h: where the step begins in it, and its width.
+    """
+    return np.column_stack(
+        [
+            begun + duration * s**2 * (3.0 - 2.0 * s),
+            duration * 6.0 * s * (1.0 - s) * h,
+            duration * 3.0 * h**2 * (1.0 - 2.0 * s),
+            duration * -2.0 * h**3,
+        ]
+    )
 
 
 def angle_of(system: HybridSystem, phase: float, rate: float) -> tuple[float, float]:

@@ -442,7 +442,7 @@ def orbit_at(
     survey = problem.survey(u) if survey is None else survey
     values = multipliers(problem, u, J) if values is None else values
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
-    parameters = dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
+    parameters = problem.named_at(u)
     x0 = survey.x0[: len(problem.system.states)]
     return PeriodicOrbit(
         problem.system, parameters, problem.signature, blocks[:, : problem.n], blocks[:, problem.n], values,

@@ -147,6 +147,10 @@ class OrbitProblem(Discretised):
         p[self._active] = u[self.size : self.size + self._active.size] * self.scales
         return p
 
+    def named_at(self, u: NDArray[np.float64]) -> dict[str, float]:
+        """Return `parameters_at` by name."""
+        return dict(zip(self.system.parameter_names, self.parameters_at(u).tolist(), strict=True))
+
     def set_parameters(self, u: NDArray[np.float64]) -> None:
         """Take the active parameters from the unknowns."""
         self.equations.set_parameters(self._functions, u, self.size, self._active, self.scales, self.extended)

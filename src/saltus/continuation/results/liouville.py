@@ -101,7 +101,7 @@ def _logarithm(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[float, fl
         rough, total = _divergence(motion_of(problem, u))
         error = abs(total - rough)
     system, names = problem.system, problem.system.transition_names
-    parameters = dict(zip(system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
+    parameters = problem.named_at(u)
     for index, transition in enumerate(problem.signature.transitions):
         if transition < 0:
             continue

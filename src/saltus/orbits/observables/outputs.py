@@ -47,7 +47,7 @@ def complete(
     curved_ones = [name for name in curved(system) if outputs is None or name in outputs]
     if survey.coarse or not curved_ones or not np.all(np.isfinite(u)):
         return survey
-    names = dict(zip(system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
+    names = problem.named_at(u)
     modes, n = np.unique(problem.modes), problem.n
     box = tuple(np.tile(side[:n], (modes.size, 1)) for side in (survey.lows, survey.highs))
     narrow = [name for name in curved_ones if not np.all(enclose(system, name, (box[0], box[1]), modes, names).plain)]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.flow.quadrature import Panels, partition
-from saltus.flow.stretch import POWERS_OF_TERMS, Motion, dense_states
+from saltus.flow.stretch import POWERS_OF_TERMS, Motion, clustered_clocks, dense_states
 from saltus.scales import FINEST
 from saltus.system.enclosure import enclose, is_polynomial
 
@@ -55,7 +55,7 @@ def narrow(problem: OrbitProblem, u: NDArray[np.float64], path: Varied, expressi
     low, high = path.nodes[:, :n].min(axis=0), path.nodes[:, :n].max(axis=0)
     room = _MARGIN * (high - low)
     box = np.tile(low - room, (modes.size, 1)), np.tile(high + room, (modes.size, 1))
-    names = dict(zip(system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
+    names = problem.named_at(u)
     return [text for text in texts if not np.all(enclose(system, text, box, modes, names).plain)]
 
 
@@ -93,17 +93,13 @@ def _motion(problem: OrbitProblem, u: NDArray[np.float64], path: Varied) -> tupl
     durations = u[n : problem.size : n + 1]
     s, h = places[first], places[first + 1] - places[first]
     duration, begun = durations[segments], (np.cumsum(durations) - durations)[segments]
-    clocks = [s**2 * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s) * h, 3.0 * h**2 * (1.0 - 2.0 * s), -2.0 * h**3]
-    table = duration[:, None] * np.column_stack(clocks)
-    table[:, 0] += begun
     nodes, coefficients = path.nodes[:, :n], path.coefficients[:, :, :n]
-    parameters = dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
     return (
         Motion(
             system=problem.system,
-            parameters=parameters,
+            parameters=problem.named_at(u),
             modes=problem.modes[segments],
-            clocks=table,
+            clocks=clustered_clocks(begun, duration, s, h),
             spans=np.tile([0.0, 1.0], (first.size, 1)),
             states=lambda at, fractions: dense_states(nodes[first[at]], coefficients[first[at]], fractions),
             crossings=[],

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus import checks, scales as judged
-from saltus.flow.stretch import POWERS_OF_TERMS, Motion, angle_of, dense_states
+from saltus.flow.stretch import POWERS_OF_TERMS, Motion, angle_of, clustered_clocks, dense_states
 from saltus.orbits.signature import CUT_END
 from saltus.orbits.winding import rotating_of
 from saltus.system.evaluate import evaluate
@@ -73,7 +73,7 @@ def sample_orbit(problem: OrbitProblem, u: NDArray[np.float64], points: int = 40
     from saltus.extras import xr
 
     points = checks.size("points", points, 2)
-    system, parameters = problem.system, _parameters(problem, u)
+    system, parameters = problem.system, problem.named_at(u)
     times, states, modes = followed(problem, u, points)
     columns = dict(zip(system.all_states, states.T, strict=True))
     columns |= {name: evaluate(system, name, states, modes, parameters) for name in system.output_names}
@@ -101,15 +101,6 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
     ends = np.cumsum(durations)
     steps = steps_of(problem)
     duration, begun = durations[steps.segments], (ends - durations)[steps.segments]
-    s, h = steps.places, steps.widths
-    clocks = np.column_stack(
-        [
-            begun + duration * s**2 * (3.0 - 2.0 * s),
-            duration * 6.0 * s * (1.0 - s) * h,
-            duration * 3.0 * h**2 * (1.0 - 2.0 * s),
-            duration * -2.0 * h**3,
-        ]
-    )
     crossings, rate = [], np.empty(2)
     for index, transition in enumerate(form.transitions):
         if transition >= 0:
@@ -120,10 +111,10 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
     start = 0.0 if system.phase is None else angle_of(system, float(blocks[0, n - 1]), 0.0)[0]
     return Motion(
         system=system,
-        parameters=_parameters(problem, u),
+        parameters=problem.named_at(u),
         modes=problem.modes[steps.segments],
-        clocks=clocks,
-        spans=np.tile([0.0, 1.0], (len(s), 1)),
+        clocks=clustered_clocks(begun, duration, steps.places, steps.widths),
+        spans=np.tile([0.0, 1.0], (len(duration), 1)),
         states=lambda at, fractions: dense_states(steps.starts[at], steps.dense[at], fractions),
         crossings=crossings,
         angle=(start, 2.0 * math.pi * turns / float(ends[-1])),
@@ -206,11 +197,6 @@ def steps_of(problem: OrbitProblem) -> Steps:
         coefficients[first],
         nodes[last],
     )
-
-
-def _parameters(problem: OrbitProblem, u: NDArray[np.float64]) -> dict[str, float]:
-    """Return all parameters of the orbit `u` by name."""
-    return dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
 
 
 def followed(
