@@ -14,6 +14,7 @@ from saltus import checks
 from saltus.algebraic.solution import AlgebraicSolution, Packed
 from saltus.contents import Contents
 from saltus.equilibria.problem import EquilibriumProblem
+from saltus.equilibria.pseudo import beside_two_fold, residual_of
 from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of, multiplicity, sized_eigenvalues, terms_at
 from saltus.result import frozen
 from saltus.scales import SEPARATED
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Equilibrium", "faults_of"]
 
+# why the field of a sliding mode is 0/0 at an equilibrium, whose eigenvalues are those next to it
+TWO_FOLD = "both fields beside it are tangent to the surface, where one eigenvalue passes infinity"
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state lies on the surface
 _ASIDE = 1e-3  # change of a parameter, over its value, beside a point at which all eigenvalues may vanish
 _GROWS = 1e-6  # real part, over the value's size, above which a disturbance grows
@@ -189,15 +192,17 @@ class Equilibrium(AlgebraicSolution):
         ValueError
             The unknowns are of another number.
         """
-        J = problem.evaluate(u)[1]
+        beside = beside_two_fold(problem, u, sizes)
+        at = u if beside is None else beside
+        J = problem.evaluate(at)[1]
         p = problem.parameters_at(u)
         return cls(
             system=problem.system,
             parameters=dict(zip(problem.system.parameter_names, p.tolist(), strict=True)),
             mode=problem.system.mode_names[problem.mode],
             state=u[: problem.n],
-            eigenvalues=eigenvalues(problem.within(u, J[:, : problem.n])),
-            residual=problem.rounding(u, J, sizes),
+            eigenvalues=eigenvalues(problem.within(at, J[:, : problem.n])),
+            residual=residual_of(problem, u, J, sizes),
             reasons=tuple(faults_of(problem, u, sizes)),
         )
 
@@ -291,6 +296,8 @@ def faults_of(problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArra
     """Return why an equilibrium is virtual: events of its mode that are passed, a domain that is left."""
     system, reasons = problem.system, []
     mode = system.mode_names[problem.mode]
+    if beside_two_fold(problem, u, sizes) is not None:
+        return [TWO_FOLD]
     if (value := problem.guard(problem.mode, u)) <= 0.0:
         reasons.append(f"{system.modes[mode].domain} is {value:.6g}, not positive as in the domain of {mode}")
     if told := problem.negative_root(u, sizes):

@@ -9,6 +9,8 @@ import numpy as np
 from saltus.algebraic.newton import solve_zero, why_none
 from saltus.equilibria.equilibrium import Equilibrium
 from saltus.equilibria.problem import EquilibriumProblem, check_autonomous
+from saltus.equilibria.pseudo import WithoutPole
+from saltus.equilibria.sliding import sides_of
 from saltus.errors import ConvergenceError
 from saltus.flow.starting import starting_mode
 from saltus.system import HybridSystem
@@ -83,7 +85,10 @@ def find_equilibrium(
 
 def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Equilibrium:
     """Return the equilibrium near the state `x` at fixed parameters; see `find_equilibrium`."""
-    u, sizes, iteration = solve_zero(problem, x, "equilibrium", "there may be no equilibrium in this mode")
+    sought = problem
+    if sides_of(problem.system, problem.mode) is not None:
+        sought = WithoutPole(problem.system, problem.mode, problem.p, problem.active, problem.scales)
+    u, sizes, iteration = solve_zero(sought, x, "equilibrium", "there may be no equilibrium in this mode")
     if problem.circles.size:
         u, sizes, iteration = solve_zero(problem, -wrapped(-u, problem.circles), "equilibrium", "")
     u = problem.with_totals(u)  # a state that nothing changes may be far below the others, and no rounding of 0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.equilibria.pseudo import beside_two_fold
 from saltus.scales import (
     ALL_AT_ZERO,
     EIGENVALUE_DIGITS,
@@ -51,6 +52,11 @@ class EquilibriumCheck:
         self.sizes = sizes_of(equilibrium.state) if sizes is None else sizes
         self.reference = Reference(equilibrium.system, equilibrium.parameters)
         self.mode = equilibrium.system.mode_index(equilibrium.mode)
+        problem = equilibrium.problem()
+        self.at_two_fold = beside_two_fold(problem, np.array(equilibrium.state), self.sizes) is not None
+        if self.at_two_fold:
+            self.values, self.uncertain = equilibrium.eigenvalues, np.abs(equilibrium.eigenvalues)
+            return
         A = self.reference.field_slope(self.mode, equilibrium.state)
         values, uncertain = spectrum([A], np.ones(len(A)), least=EIGENVALUE_DIGITS * self._rate(A))
         order = np.argsort(-values.real, kind="stable")
@@ -59,6 +65,9 @@ class EquilibriumCheck:
     def rows(self) -> list[Row]:
         """Return the claims of the equilibrium with their checks."""
         equilibrium, reference, mode, sizes = self.equilibrium, self.reference, self.mode, self.sizes
+        if self.at_two_fold:
+            reason = "both fields beside it are tangent to the surface: the sliding field is 0/0"
+            return [unchecked("eigenvalues", complex(equilibrium.eigenvalues[0]), reason)]
         rows = _place(
             lambda x: reference.field(mode, x[:, None])[:, 0], lambda x: reference.field_slope(mode, x),
             equilibrium.state, sizes, self._conserved,

@@ -156,6 +156,14 @@ class AlgebraicZeroProblem:
         """Return what the entries of `linear` are made of, shape (unknowns, n, n): see `terms_at`."""
         return np.array([self.linear(u, part) for part in terms_at(self.problem, u)])
 
+    def residual(self, u: NDArray[np.float64], J: NDArray[np.float64], sizes: NDArray[np.float64]) -> float:
+        """Return the largest residual of a solution over the sizes of its terms."""
+        return float(self.problem.rounding(u, J, sizes))
+
+    def regular(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return unknowns at which the derivatives are finite: `u`, or next to it."""
+        return u
+
     def linear(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the matrix, of the Jacobian at a solution, whose eigenvalues tell stability."""
         return np.asarray(J[:, : self.n])
@@ -191,12 +199,11 @@ class AlgebraicZeroProblem:
 
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return monitors, data and fault of a point."""
-        u = point.u
-        point.J = self.problem.evaluate(u)[1]
-        point.residual = self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n])))
+        point.J = self.problem.evaluate(u := self.regular(point.u))[1]
+        point.residual = self.residual(point.u, point.J, np.maximum(self.sizes, np.abs(u[: self.n])))
         if not point.residual <= scales.RESIDUAL_KEPT:
             return Examined({}, f"residual: {self.vanishing}")
-        data = self.data(u, point.J)
+        data, u = self.data(u, point.J), point.u
         if before is not None and before.examined.data is not None:
             old: PointData = before.examined.data
             data = replace(data, behind=(point.arc - before.arc, (old.values, old.sizes)))
@@ -206,15 +213,13 @@ class AlgebraicZeroProblem:
             name = Monitor("EX" if value is None else "event", i)
             monitors[name] = self.monitor(name, point)
         monitors = resolved(monitors, self.faint, before)
-        if self._origin is None:
-            self._origin = u[: self.n].copy()
+        self._origin = u[: self.n].copy() if self._origin is None else self._origin
         self.sizes = np.maximum(self.sizes, self.grown(u))
         point.weights = self.metric(u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
-        if before is None:
-            return Examined(monitors, None, data)
         self._crossed = None
-        return Examined(monitors, self._fault(point, before, monitors, data), data, self._twins(data))
+        fault = None if before is None else self._fault(point, before, monitors, data)
+        return Examined(monitors, fault, data, frozenset() if before is None else self._twins(data))
 
     def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
         """Return many points at once, as far as nothing happens, and the length of the step behind the last one."""
@@ -392,9 +397,8 @@ class AlgebraicZeroProblem:
 
     def _watched(self, value: complex) -> Monitor:
         """Return the monitor function of a value that becomes critical."""
-        if value.imag != 0.0:
-            return _PAIRS
-        return _FLIPS if "PD" in self.single and value.real < 0.0 else _ZEROS
+        real = _FLIPS if "PD" in self.single and value.real < 0.0 else _ZEROS
+        return _PAIRS if value.imag != 0.0 else real
 
     def _twins(self, data: PointData) -> frozenset[Monitor]:
         """Return the test functions that have double zeros as the values nearest to being critical are equal."""

@@ -101,6 +101,7 @@ class AlgebraicLocusProblem:
 
     def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the eigenvalues, or multipliers, of a solution; NaN where the equations have no finite derivatives."""
+        u = self.regular(u)
         A = self.linear(u, self.problem.evaluate(u)[1])
         return eigenvalues(A) if np.all(np.isfinite(A)) else np.full(len(A), math.nan + 0j)
 
@@ -159,7 +160,7 @@ class AlgebraicLocusProblem:
         """Return residual and Jacobian of solution and condition."""
         n, extra, rows = self.n, self.condition.extra, self.condition.rows
         u = self.unknowns(z)
-        F, J = self.problem.evaluate(u)
+        F, J = self.equations(u)
         out, matrix = np.full(n + rows, np.nan), np.full((n + rows, n + extra + 2), np.nan)
         if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
             return out, matrix
@@ -176,6 +177,15 @@ class AlgebraicLocusProblem:
         out[n:], matrix[n:, :n], matrix[n:, -2:] = values, gradient[:, :n], gradient[:, n:]
         matrix[n:, n : n + extra] = further
         return out, matrix
+
+    def equations(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the equations of the solution, shape (n,), and their derivatives, shape (n, n + 2)."""
+        found: tuple[NDArray[np.float64], NDArray[np.float64]] = self.problem.evaluate(u)
+        return found
+
+    def regular(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return unknowns at which the derivatives are finite: `u`, or next to it."""
+        return u
 
     def units_of_rows(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return units of the equations, shape (n,), from their derivatives at the start."""
@@ -197,8 +207,9 @@ class AlgebraicLocusProblem:
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return monitors, data and fault of a point."""
         u = self.unknowns(point.u)
-        J = self.problem.evaluate(u)[1]
-        point.residual = self.problem.rounding(u, J, np.maximum(self.sizes, np.abs(u[: self.n])))
+        at = self.regular(u)
+        J = self.problem.evaluate(at)[1]
+        point.residual = self.problem.rounding(at, J, np.maximum(self.sizes, np.abs(u[: self.n])))
         if not point.residual <= RESIDUAL_KEPT:
             return Examined({}, f"residual: {self.vanishing}")
         try:

@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from saltus.continuation.core.zero_problem import Point
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["FOLDS", "PERSISTS", "Crossing", "beyond_boundary", "slope_of"]
+__all__ = ["FOLDS", "PERSISTS", "TWO_FOLD", "Crossing", "beyond_boundary", "slope_of"]
 
 PERSISTS = "persistence"
 FOLDS = "nonsmooth fold"
+TWO_FOLD = "two-fold"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Crossing:
     Attributes
     ----------
     kind : str
-        ``persistence``, ``nonsmooth fold``, or empty where neither is told.
+        ``persistence``, ``nonsmooth fold``, ``two-fold``, or empty where none is told.
     beside : AlgebraicProblem
         The equations of the neighbouring mode, or of the neighbouring itinerary of a map.
     u : ndarray, shape (n + 1,), or None

@@ -19,6 +19,7 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour, touching
 from saltus.continuation.problems.margins import run_out
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.critical import Hopf
+from saltus.equilibria.pseudo import beside_two_fold
 from saltus.errors import InputError
 from saltus.maps import MapOrbit
 from saltus.maps.critical import Rotation
@@ -222,8 +223,8 @@ def _(
 ) -> tuple[Condition, NDArray[np.float64]]:
     if kind not in POINT_TYPES:
         return _keeping(problem, problem.mode, u, kind), np.empty(0)
-    values = solution.eigenvalues
-    A = problem.evaluate(u)[1][:, : problem.n]
+    values, beside = solution.eigenvalues, beside_two_fold(problem, u, sizes)
+    A = problem.evaluate(u if beside is None else beside)[1][:, : problem.n]
     top = max(float(np.linalg.norm(A * sizes / sizes[:, None], 2)), 1e-300)
     if kind == "SN":
         distance = float(np.abs(values).min()) / top if problem.n > 1 else 0.0

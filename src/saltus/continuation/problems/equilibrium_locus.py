@@ -13,15 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.continuation.core.zero_problem import Point
+from saltus.continuation.core.zero_problem import Event, Point
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem, LocusData
 from saltus.continuation.problems.equilibrium import row_units
 from saltus.continuation.problems.other_values import OtherValues, critical_pair, eigenvalues_beside
 from saltus.equilibria.critical import Hopf
 from saltus.equilibria.equilibrium import faults_of
 from saltus.equilibria.normal_forms import lyapunov_coefficient
+from saltus.equilibria.pseudo import beside_two_fold, without_pole
+from saltus.equilibria.sliding import sides_of
 from saltus.equilibria.spectrum import eigenvalues, unstable_count
-from saltus.scales import FREQUENCY_ROUNDED
+from saltus.scales import FREQUENCY_ROUNDED, ILL_CONDITIONED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,14 +43,42 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
     noise: Mapping[Monitor, float] = MappingProxyType({_GH: 1e-9, _CP: 1e-10})
     vanishing = "the field does not vanish there"
     problem: EquilibriumProblem
+    # whether both fields are tangent to the surface all along a BE locus, as they are at its first point
+    _two_folds: bool | None = None
+
+    def equations(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `AlgebraicLocusProblem.equations`."""
+        return without_pole(self.problem, u, self.sizes) if self.kind == "BE" else self.problem.evaluate(u)
+
+    def regular(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `AlgebraicLocusProblem.regular`: next to a two-fold."""
+        beside = beside_two_fold(self.problem, u, self.sizes) if self.kind == "BE" else None
+        return u if beside is None else beside
+
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """See `AlgebraicLocusProblem.sort_out`: where an eigenvalue passes infinity at a two-fold, none is critical."""
+        kept = super().sort_out(events)
+        if isinstance(kept, str) or self.kind != "BE" or sides_of(self.problem.system, self.problem.mode) is None:
+            return kept
+        return [e for e in kept if e.name.kind not in self.others.types.values() or self._critical(e.point)]
+
+    def _critical(self, point: Point) -> bool:
+        values = point.examined.data.values
+        return bool(np.abs(values.real).min() <= ILL_CONDITIONED * (self.others.unit or 1.0))
 
     def borders(self, point: Point) -> dict[Monitor, float]:
         """See `AlgebraicLocusProblem.borders`."""
         found = {}
+        met, u = {getattr(self.condition, "place", -1)}, self.unknowns(point.u)
+        if self.kind == "BE" and self._two_folds is None:
+            self._two_folds = beside_two_fold(self.problem, u, self.sizes) is not None
+        sides = sides_of(self.problem.system, self.problem.mode) if self._two_folds else None
+        if sides is not None:
+            met |= {sides.rise, sides.fall}
         for k in self.problem.ways_out:
-            if k != getattr(self.condition, "place", -1):
+            if k not in met:
                 name = Monitor("BE", transition=k)
-                height, gradient = self.problem.event(k, self.unknowns(point.u))
+                height, gradient = self.problem.event(k, u)
                 found[name] = height / self.unit(name, float(np.abs(gradient[: self.n]) @ self.sizes))
         return found
 
@@ -65,9 +95,10 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
         if self.kind == "SN":
             return self._on_saddle_nodes(point)
         u = self.unknowns(point.u)
+        reasons = self.reasons(u)
+        u = self.regular(u)
         J = self.problem.evaluate(u)[1]
         values = eigenvalues(self.linear(u, J))
-        reasons = self.reasons(u)
         if self.kind == "HB":
             return self._on_hopf_points(point, u, J, values, reasons)
         return {}, LocusData(values, unstable_count(values), values, reasons)

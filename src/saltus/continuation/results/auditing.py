@@ -21,7 +21,7 @@ from saltus.continuation.results.locus_ledger import holds, other_values, signs_
 from saltus.continuation.results.stability_ledger import at_one, contradicted_labels, critical_rows, unexplained
 from saltus.errors import SaltusError
 from saltus.orbits.signature import Signature
-from saltus.scales import EPS, LOCATED, ON_LINE, Verdict, followed, same, zero
+from saltus.scales import LOCATED, NEWTON_AT_ROUNDING, ON_LINE, Verdict, followed, same, zero
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -92,7 +92,7 @@ class _Seen:
         ranges = np.ptp(table, axis=0)
         kept = ranges > LOCATED * sizes
         # what is left of the equations' error moves the parameters, in units of their intervals
-        solved = followed(curve.tolerance) if hasattr(curve, "tolerance") else 16.0 * EPS
+        solved = followed(curve.tolerance) if hasattr(curve, "tolerance") else NEWTON_AT_ROUNDING
         wide = np.maximum(np.abs(values).max(axis=0), _intervals(curve))
         rounding = LOCATED * 1e-2 * np.ptp(values, axis=0) + solved * wide
         closed = any("closed" in reason for reason in curve.stopped)

@@ -21,8 +21,8 @@ class EquilibriumBranch(OneParameter[Equilibrium], EquilibriumCurve):
 
     Types of `special_points` are ``SN``, ``BP``, ``HB``, ``BE`` (boundary equilibrium), ``EX`` (extremum) and users'
     events. `SpecialPoint.kind` of a BE is ``persistence`` where the equilibrium goes on in the neighbouring mode. It is
-    ``nonsmooth fold`` where both lie on the same side of the parameter. `OneParameter` and `EquilibriumCurve` list the
-    attributes.
+    ``nonsmooth fold`` where both lie on the same side of the parameter. It is ``two-fold`` where both fields beside a
+    sliding mode are tangent to its surface. `OneParameter` and `EquilibriumCurve` list the attributes.
 
     Examples
     --------

@@ -88,7 +88,7 @@ class SpecialPoint(Generic[Solved]):
     tangent : ndarray, shape (unknowns + 1,), or None
         At a BP the tangent of its own branch, the parameter last.
     kind : str
-        Of a BE or BC ``persistence`` or ``nonsmooth fold``; empty where neither is told.
+        Of a BE or BC ``persistence``, ``nonsmooth fold`` or ``two-fold``; empty where none is told.
     scale : ndarray, shape (unknowns,), or None
         Typical sizes of the unknowns on a curve of equilibria or of orbits of a map; None on one of orbits.
     homoclinic : Homoclinic or None

@@ -125,6 +125,10 @@ class AlgebraicRun(OneParameterRun):
         """Return why a branch ends at an event of its own, that is no special point; None where it does not."""
         return None
 
+    def passes(self, branch: Any, point: Point) -> bool:
+        """Return whether a branch goes on at a border with the same equations."""
+        return False
+
     def closed_up(self, branch: Any, point: Point) -> str | None:
         """Return why a branch ends at a branch point; None where it does not."""
         return None
@@ -290,7 +294,7 @@ class AlgebraicRun(OneParameterRun):
         half.specials.append(replace(self.found(name, branch, event, half), of=of, kind=crossing.kind))
         if (end := self.end_at(half, branch, point, name)) is not None:
             return end
-        if self.control.at_grazing == "pass":
+        if self.control.at_grazing == "pass" or self.passes(branch, point):
             return None
         half.points.append((branch, point))
         if crossing.u is None:

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.problems.boundary import beyond_boundary
+from saltus.continuation.problems.boundary import TWO_FOLD, Crossing, beyond_boundary
 from saltus.continuation.problems.equilibrium import EquilibriumZeroProblem
 from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
 from saltus.continuation.runs.one_parameter import branch_run
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.problem import check_autonomous
+from saltus.equilibria.pseudo import beside_two_fold
 
 if TYPE_CHECKING:
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.core.zero_problem import Event, Point
-    from saltus.continuation.problems.boundary import Crossing
     from saltus.continuation.runs.two_sided import BothSides
 
 __all__ = ["EquilibriumRun", "equilibrium_columns"]
@@ -48,6 +48,10 @@ class EquilibriumRun(AlgebraicRun):
     def crossing(self, branch: EquilibriumZeroProblem, event: Event) -> tuple[str, Crossing]:
         """See `AlgebraicRun.crossing`."""
         point = event.point
+        if self.passes(branch, point):
+            return branch.problem.system.transitions[event.name.transition].name, Crossing(
+                TWO_FOLD, branch, point.u, point.tangent
+            )
         at = self._happening(branch, event.name.transition, point)
         found = beyond_boundary(branch.problem, at, point.u, point.tangent, branch.sizes)
         return branch.problem.system.transitions[at].name, found
@@ -67,6 +71,10 @@ class EquilibriumRun(AlgebraicRun):
     def ended(self, branch: EquilibriumZeroProblem, point: Point, kind: str) -> str | None:
         """See `AlgebraicRun.ended`."""
         return f"the domain of mode {self.solution.mode} ends" if kind == "domain" else None
+
+    def passes(self, branch: EquilibriumZeroProblem, point: Point) -> bool:
+        """See `AlgebraicRun.passes`: at a two-fold the pseudo-equilibrium goes on."""
+        return beside_two_fold(branch.problem, point.u, branch.sizes) is not None
 
 
 @branch_run.register
