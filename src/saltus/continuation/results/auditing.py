@@ -140,7 +140,8 @@ def _told(seen: _Seen, place: float) -> str:
 def _families(seen: _Seen) -> list[str]:
     """Return where the parameter of a branch rests within its error while solutions differ, and one value is critical.
 
-    Along a canard, and next to a homoclinic orbit, the parameter rests as well, but no multiplier stays at 1.
+    Along a canard, and next to a homoclinic orbit, the parameter rests as well, but no multiplier stays at 1. Where it
+    turns, as at a pitchfork, solutions differ by the root of its error at most, or by the fourth root.
     """
     if seen.values.shape[1] > 1 or getattr(seen.curve, "fixed", None) is not None:
         return []
@@ -148,11 +149,12 @@ def _families(seen: _Seen) -> list[str]:
     rests &= family[1:] & family[:-1]
     differ = np.abs(np.diff(seen.quantities, axis=0)).max(axis=1, initial=0.0) > LOCATED
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rests & differ, [0]])))
-    name = seen.curve.varied[0]
+    name, wide = seen.curve.varied[0], float(np.ptp(seen.values))
+    turn = (seen.rounding[0] / wide) ** 0.25 if wide > seen.rounding[0] else 0.0
     return [
         f"points {i} to {j}: {name} rests at {seen.values[i, 0]:.9g} within its error, as along a family of solutions"
         for i, j in edges.reshape(-1, 2).tolist()
-        if j - i >= _ROW
+        if j - i >= _ROW and float(np.ptp(seen.quantities[i : j + 1], axis=0).max()) > turn
     ]
 
 

@@ -205,6 +205,10 @@ class OrbitRun(OneParameterRun):
         """See `Run.stuck`."""
         if (added := self._excursion_ends(half)) is not None:
             return added
+        # next to a rest, where the signs of a fold and of a branch point are rounding
+        if (birth := self.halved(piece, last)) is not None:
+            half.specials.append(self.found("BP", piece, Event(Monitor("BP"), birth, 0.0), half))
+            return self.ends(half, piece, birth, "the period halves")
         slowed = grazing_ahead(half.points)
         if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
             return end

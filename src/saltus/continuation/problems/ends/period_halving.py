@@ -49,7 +49,7 @@ def halved(branch: OrbitZeroProblem, point: Point) -> Point | None:
     signature, u = short
     old = branch.problem
     problem = OrbitProblem(old.system, signature, old.p, old.active, old.scales, old.tol)
-    problem.start(u)
+    problem.start(u, old.state_scale[: len(old.system.states)])  # a rest has no size of its own
     single = OrbitZeroProblem(problem, u, branch.interest)
     doubling = _doubling(single, u)
     if doubling is None or abs(doubling.point.parameter - point.parameter) > DOUBLING_AT_HALVING:
