@@ -9,7 +9,18 @@ import numpy as np
 
 from saltus.flow.invariant_planes import driven, staying
 from saltus.flow.shares import shares_of
-from saltus.scales import NEAR_ZERO, NEARBY, NEAREST_TO_ZERO, ORBIT_NOTHING, RECURS, RESTING, Verdict, followed, zero
+from saltus.scales import (
+    NEAR_ZERO,
+    NEARBY,
+    NEAREST_TO_ZERO,
+    ORBIT_NOTHING,
+    RECURS,
+    RESTING,
+    UNIT_DECADES,
+    Verdict,
+    followed,
+    zero,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,6 +29,9 @@ if TYPE_CHECKING:
     from saltus.system import HybridSystem
 
 __all__ = ["at_rest", "guess_on_plane", "mark_driven", "nearest_to_zero", "on_its_plane", "sizes_nearby"]
+
+_PHASES = 16  # phases at which the field's derivatives are looked at
+_POWERS = 19  # of ten, to either side, up to which sizes are sought
 
 
 class Equations(Protocol):
@@ -99,7 +113,8 @@ def mark_driven(
 def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
     """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
 
-    They are what a unit of the active parameters moves in a period; 1 where nothing else is known.
+    They are what a unit of the active parameters moves in a period. Where that moves none they are those at which the
+    field bends, in powers of ten.
     """
     count = len(problem.system.states)
     lows, highs = survey.lows[:count], survey.highs[:count]
@@ -112,9 +127,52 @@ def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> 
         if np.all(np.isfinite(J)):
             moved = np.abs(J[:, problem.size :]).reshape(problem.segments, problem.n + 1, -1).max(axis=(0, 2))[:count]
     top = float(moved.max())
-    if known.max() > NEARBY * top and not _at_origin(problem, u, float(known.max())):
-        return None
-    return np.where(moved > RESTING * top, moved, top or 1.0)
+    if known.max() > NEARBY * top:
+        if not _at_origin(problem, u, float(known.max())):
+            return None
+        top = 0.0  # what the parameters move is rounding of the origin
+    return np.where(moved > RESTING * top, moved, top) if top > 0.0 else _bending(problem, count)
+
+
+def _bending(problem: Equations, count: int) -> NDArray[np.float64]:
+    """Return sizes of the states near the origin at which the derivatives of the field are other than there.
+
+    Relative sizes are those that balance the derivatives in the origin. The largest is 1 where the field bends within
+    some powers of ten of 1, and where it is linear.
+
+    References
+    ----------
+    B. N. Parlett, C. Reinsch, Balancing a matrix for calculation of eigenvalues and eigenvectors, Numer. Math. 13
+    (1969) 293-304.
+    """
+    from scipy.linalg import matrix_balance
+
+    compiled, shape = problem.system.compiled, 1.0 + 0.5 * np.sin(1.0 + np.arange(count))
+    turns = np.linspace(0.0, problem.system.turn, _PHASES, endpoint=False) if problem.n > count else np.zeros(1)
+    modes = dict.fromkeys(problem.modes.tolist())
+
+    def slopes(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        full = [np.append(x, np.full(problem.n - count, turn)) for turn in turns.tolist()]
+        found = [compiled.linearised(mode, state, problem.extended)[1] for mode in modes for state in full]
+        return np.array(found)[:, :count, :count]
+
+    origin = slopes(np.zeros(count))
+    if not np.all(np.isfinite(origin)):
+        return np.ones(count)
+    _, (balance, _) = matrix_balance(np.abs(origin).max(axis=0), permute=False, separate=True)
+    balance /= balance.max() if balance.max() < 1.0 else balance.min() if balance.min() > 1.0 else 1.0
+
+    def over(matrices: NDArray[np.float64]) -> float:
+        return float(np.abs(matrices * balance / balance[:, None]).max())
+
+    def bends(power: int) -> float:
+        with np.errstate(all="ignore"):
+            change = over(slopes(shape * balance * 10.0**power) - origin)
+        return change / (over(origin) or 1.0) if np.isfinite(change) else np.inf
+
+    way = 1 if bends(0) < 1.0 else -1
+    found = next((power for power in range(0, way * _POWERS, way) if (bends(power) >= 1.0) == (way > 0)), 0)
+    return np.asarray(balance * 10.0**found if abs(found) > UNIT_DECADES else balance)
 
 
 def _at_origin(problem: Equations, u: NDArray[np.float64], size: float) -> bool:
