@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -754,6 +755,26 @@ def test_a_reset_within_a_mode_that_jumps_over_an_event_is_told_once():
     with pytest.warns(RuntimeWarning, match="'kick' lands beyond event 'pass' of mode 'a'"):
         motion = simulate(system, {}, [0.0, 0.1], t_end=30.0)
     assert [landing.time for landing in motion.landings_beyond] == pytest.approx([4.0 * math.pi - 0.1])
+
+
+@pytest.mark.parametrize(("kick", "told"), [(0.1, True), (0.0, False), (-0.1, False)])
+def test_a_kick_past_the_threshold_of_another_neuron_is_told(kick, told):
+    """A neuron that is put above its threshold passes it no more, and is silent for good."""
+    pair = HybridSystem(
+        ("u", "v"),
+        {"I": 1.5, "e": kick},
+        {"f": Mode({"u": "I - u", "v": "I - v"})},
+        [
+            Transition("f", "f", "u - 1", 1, {"u": "0", "v": "v + e"}, name="su"),
+            Transition("f", "f", "v - 1", 1, {"v": "0", "u": "u + e"}, name="sv"),
+            Transition("f", "f", "u - v", 0, name="counts"),
+        ],
+    )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        motion = simulate(pair, {}, [0.2, 0.6], t_end=8.0)
+    assert bool(motion.landings_beyond) == told
+    assert any("'sv' lands beyond event 'su' of mode 'f'" in str(warning.message) for warning in caught) == told
 
 
 def test_an_orbit_that_lands_beyond_an_event_is_found_with_a_warning():

@@ -55,7 +55,9 @@ def landings_beyond(
     found = []
     for transition in system.transitions:
         landed = events[events["mode_after"] == transition.source]
-        if not landed.size or transition.direction == 0 or transition.target == transition.source:
+        if transition.target == transition.source:  # one without a reset counts crossings
+            landed = landed[landed["name"] != transition.name] if transition.reset else landed[:0]
+        if not landed.size or transition.direction == 0:
             continue
         if at_phases(system, transition):
             continue

@@ -131,12 +131,17 @@ def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> 
         if not _at_origin(problem, u, float(known.max())):
             return None
         top = 0.0  # what the parameters move is rounding of the origin
-    return np.where(moved > RESTING * top, moved, top) if top > 0.0 else _bending(problem, count)
+    return (
+        np.where(moved > RESTING * top, moved, top)
+        if top > 0.0
+        else _bending(problem, count, float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum()))
+    )
 
 
-def _bending(problem: Equations, count: int) -> NDArray[np.float64]:
+def _bending(problem: Equations, count: int, period: float) -> NDArray[np.float64]:
     """Return sizes of the states near the origin at which the derivatives of the field are other than there.
 
+    The difference counts over these derivatives, or over one in a period, where that is more: a critical rest has none.
     Relative sizes are those that balance the derivatives in the origin. The largest is 1 where the field bends within
     some powers of ten of 1, and where it is linear.
 
@@ -165,10 +170,12 @@ def _bending(problem: Equations, count: int) -> NDArray[np.float64]:
     def over(matrices: NDArray[np.float64]) -> float:
         return float(np.abs(matrices * balance / balance[:, None]).max())
 
+    usual = max(over(origin), 1.0 / period if period > 0.0 else 0.0) or 1.0
+
     def bends(power: int) -> float:
         with np.errstate(all="ignore"):
             change = over(slopes(shape * balance * 10.0**power) - origin)
-        return change / (over(origin) or 1.0) if np.isfinite(change) else np.inf
+        return change / usual if np.isfinite(change) else np.inf
 
     way = 1 if bends(0) < 1.0 else -1
     found = next((power for power in range(0, way * _POWERS, way) if (bends(power) >= 1.0) == (way > 0)), 0)
