@@ -76,12 +76,14 @@ def _touch(fresh: OrbitZeroProblem, begun: Point, count: int) -> tuple[Event, Po
     for item in itertools.islice(follow(fresh, begun, _CONTROL, log=[]), count):
         if isinstance(item, Event) and item.name.kind == "margin":
             met = item
-        elif isinstance(item, Point) and met is not None and item.examined.data.survey.admissible:
-            if (
-                item.examined.monitors.get(met.name, 0.0) > 0.0
-            ):  # an orbit past the touch by rounding is admissible, too
-                return met, item
+        elif isinstance(item, Point) and met is not None and _is_behind(item, met):
+            return met, item
     return None
+
+
+def _is_behind(item: Point, met: Event) -> bool:
+    """Return whether an orbit is admissible, and not past the touch by rounding, where it still counts as such."""
+    return item.examined.data.survey.admissible and item.examined.monitors.get(met.name, 0.0) > 0.0
 
 
 def _without(branch: OrbitZeroProblem, point: Point) -> Neighbour | None:
