@@ -148,3 +148,50 @@ def test_the_closed_doubling_locus_of_a_nerve_has_its_two_resonances_once(label)
     locus = saltus.continue_locus(branch[label], ("I", "gk"), {"I": (0.0, 60.0), "gk": (10.0, 60.0)})
     np.testing.assert_allclose(folded(locus, "R2"), [27.885936, 29.358980], rtol=1e-6)
     assert Counter(point.type for point in locus.special_points)["TP"] == 4
+
+
+# tongues: round one, a branch comes back to its start with another of the orbit's points first
+
+DELAYED = saltus.Map(("x", "y"), {"r": 2.18}, {"x": "r*x*(1 - y)", "y": "x"})
+PREY = saltus.Map(("x", "y"), {"a": 3.12}, {"x": "a*x*(1 - x) - 3.5*x*y", "y": "3.5*x*y"})
+FED = saltus.HybridSystem(
+    ("S", "x", "y"), {"f": 0.8},
+    {"grow": saltus.Mode({"S": "-4*S/(0.3 + S)*x", "x": "4*S/(0.3 + S)*x - 3*x/(0.3 + x)*y", "y": "3*x/(0.3 + x)*y"})},
+    [saltus.Transition("grow", "grow", at_phase=0, reset={"S": "S*(1 - f) + 3*f", "x": "(1 - f)*x", "y": "(1 - f)*y"})],
+    phase=("th", "2*pi"), name="pulsed food chain",
+)  # fmt: skip
+TONGUES = [
+    (name, first)
+    for name, count in (("delayed logistic, 7", 7), ("predator and prey, 13", 13), ("predator and prey, 58", 58),
+                        ("pulsed food chain, 9", 9))
+    for first in range(0, count, 4)
+]  # fmt: skip
+
+
+def in_tongue(name: str) -> tuple[saltus.Map | saltus.HybridSystem, str, float, list[float], int]:
+    """Return a system with a parameter, a value in a tongue, a start on the way there, and the period."""
+    if "chain" in name:
+        return FED, "f", 0.8, [1.0, 0.1, 0.1], 9
+    if "delayed" in name:
+        return DELAYED, "r", 2.18, [0.47, 0.45], 7
+    return PREY, "a", 3.12 if "13" in name else 3.18, [0.35, 0.3], 13 if "13" in name else 58
+
+
+@pytest.mark.parametrize(
+    ("name", "first"),
+    guarding(TONGUES, ("delayed logistic, 7", 0), ("predator and prey, 13", 4), ("pulsed food chain, 9", 0)),
+)
+def test_a_tongue_has_its_two_folds_once_wherever_its_orbit_starts(name, first):
+    system, parameter, value, x0, period = in_tongue(name)
+    orbit = saltus.find_orbit(system, {parameter: value}, x0=x0)
+    if isinstance(system, saltus.Map):
+        start = orbit.points[first].tolist()
+    else:
+        start = saltus.simulate(system, {parameter: value}, list(orbit.x0[:3]), periods=9 + first).x_end[:3].tolist()
+    orbit = saltus.find_orbit(system, {parameter: value}, x0=start)
+    branch = saltus.continue_orbit(orbit, parameter, (0.02, 4.0) if parameter != "f" else (0.02, 0.99))
+    assert (orbit.period if isinstance(system, saltus.Map) else round(orbit.period)) == period
+    assert [point.type for point in branch.special_points] == ["SN", "SN"]
+    low, high = folded(branch, "SN")
+    assert low < value < high
+    assert branch.audit.passed

@@ -131,6 +131,26 @@ def test_the_branch_is_the_same_from_the_orbit_that_meets_both(seed: int) -> Non
     assert len(down.solution(0).segments) == 1 or len(down.solution(len(down) - 1).segments) == 1
 
 
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("event", ["x**2 - d**2", "x**2/d - d", "abs(x) - d"])
+@pytest.mark.parametrize("seed", guarding(range(0, 24, 4), 0, campaign=4))
+def test_two_stops_in_one_event_are_those_of_two(seed: int, event: str, back: bool) -> None:
+    two, _, drive = random_system(seed)
+    hit = saltus.Transition("free", "free", event, 1, {"v": "-e*v"}, name="stop")
+    one = saltus.HybridSystem(two.states, dict(two.parameters), dict(two.modes), [hit], phase=("s", "w"))
+    bounds = 0.4 * drive, 2.0 * drive
+    known, found = (
+        saltus.continue_orbit(free_motion(system, 0.6 * drive), "F", bounds) for system in (two, one)
+    )  # fmt: skip
+    if back:
+        met = [i for i in range(len(found)) if len(found.solution(i).segments) > 1]
+        found = saltus.continue_orbit(found.solution(met[4]), "F", bounds)
+    assert not found.audit.breaches, str(found)
+    places, again = (sorted((p.type, p.value("F")) for p in branch.special_points) for branch in (known, found))
+    assert [kind for kind, _ in again] == [kind for kind, _ in places], str(found)
+    assert [value for _, value in again] == pytest.approx([value for _, value in places], rel=1e-8)
+
+
 @pytest.mark.parametrize(
     ("phase", "coupling"),
     guarding([(0.0, 0.0), (0.0, 0.3), (3.14159265358979, 0.0), (1.57, 0.0)], (0.0, 0.3), (1.57, 0.0)),

@@ -15,13 +15,9 @@ from saltus import HybridSystem, Mode, find_orbit, solve_orbit, verify
 from selection import guarding
 
 EVERY = [(name, unit, tol) for name in units.CASES for unit in units.UNITS for tol in units.TOLERANCES]
-DRAWN = [
-    (name, seed, tol)
-    for seed in range(8)
-    for name in units.CASES
-    for tol in (1e-12, 1e-8, 1e-5)
-    if (name, seed, tol) != ("belt", 6, 1e-5)  # it ends next to its AS, a double zero, and says that it does
-]
+DRAWN = [(name, seed, tol) for seed in range(8) for name in units.CASES for tol in (1e-12, 1e-8, 1e-5)] + [
+    ("belt", 11, 1e-8)
+]  # rounding ends the excursion past its touch
 SAMPLE = np.random.default_rng(2026).permutation(len(EVERY))[:24].tolist()
 QUICK = [EVERY[i] for i in SAMPLE]
 KEPT = [
@@ -59,7 +55,10 @@ def test_special_points_and_words_are_those_in_units_of_one(name: str, unit: str
     units.assert_same(reference(name), units.told(branch, (case.parameter,), new), error(tolerance))
 
 
-@pytest.mark.parametrize(("name", "seed", "tolerance"), guarding(DRAWN, ("Lorenz", 2, 1e-12), campaign=80))
+@pytest.mark.parametrize(
+    ("name", "seed", "tolerance"),
+    guarding(DRAWN, ("Lorenz", 2, 1e-12), ("belt", 6, 1e-5), ("belt", 11, 1e-8), campaign=80),
+)
 def test_special_points_are_the_same_in_random_units_of_all_kinds(name: str, seed: int, tolerance: float) -> None:
     case, new = units.CASES[name], units.drawn(seed)
     branch = units.branch_of(case, new, tolerance)

@@ -157,12 +157,14 @@ class Returning(NamedTuple):
     """Motions that return to a section, each with parameters of its own.
 
     points, modes: where they start. times: (m,), since phase 0. numbers: (m, own), what a lane has of its own.
+    weights: (m, states), inverse units of what perturbs the states.
     """
 
     points: NDArray[np.float64]
     modes: NDArray[np.int64]
     times: NDArray[np.float64]
     numbers: NDArray[np.float64]
+    weights: NDArray[np.float64]
 
 
 class Section(NamedTuple):

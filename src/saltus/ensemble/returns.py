@@ -33,6 +33,7 @@ _LONGEST_STEP = 0.125  # longest step, in periods
 _LEAST_TERM = 1e-30  # least size of a step's last terms, in tolerances, that lets a step be as long as it may
 _BOUND = 1e12  # size of a state beyond which the event-driven flow has to say what becomes of the motion
 _PATIENCE = 50  # looks without a return after which a motion is left to others
+_STEPS_KEPT = 256  # steps of a motion that are kept in memory at once
 _LED = 0.11  # time in periods for which a motion is led off a surface that it starts on
 
 
@@ -206,10 +207,11 @@ class ManyReturns:
         rates = np.array([self._rate(start) for start in those])
         points = np.empty((m, n * (1 + columns)))
         points[:, :n] = [start.x[:n] for start in those]
-        points[:, n:] = 0.0 if frame is None else frame.T.ravel()
+        weights = np.ones((m, n)) if frame is None else np.array([self._weights(start) for start in those])
+        points[:, n:] = 0.0 if frame is None else (frame.T / weights[:, None, :]).reshape(m, -1)
         times = np.array([start.x[-1] for start in those]) / rates if self.system.phase is not None else np.zeros(m)
         numbers = np.array([self._own(lanes, start, rate) for start, rate in zip(those, rates, strict=True)])
-        motions = Returning(points, np.array([start.mode for start in those]), times, numbers)
+        motions = Returning(points, np.array([start.mode for start in those]), times, numbers, weights)
         returns = Returns(
             np.full(m, NOT_DONE, np.uint8), np.zeros(m, np.int64), np.zeros(m), np.empty((m, keep, points.shape[1])),
             np.empty((m, keep)), np.empty((m, keep)), np.empty((m, keep), np.int64), np.empty_like(points), np.empty(m),
@@ -258,6 +260,22 @@ class ManyReturns:
         interval = self.interval if start.interval is None else start.interval
         assert interval is not None
         return interval
+
+    def _weights(self, start: Start) -> NDArray[np.float64]:
+        """Return the inverse units of the perturbations of a motion: the sizes of its states between two looks."""
+        from saltus.flow.kernels.frame_units import weigh
+
+        n, (rtol, atol) = len(self.system.states), self.tolerance
+        run = EventDrivenMotion(
+            self.system, start.p, start.x.copy(), start.mode, rtol, atol, steps_kept=_STEPS_KEPT, limit=self.limit
+        )
+        weights = np.ones(n)
+        try:
+            run.follow(self._period(start, self._rate(start)), None, None)
+        except SaltusError:  # the lanes leave it to others, which raise it
+            return weights
+        weigh(np.abs(run.steps()[2][:, :n]).max(axis=0), weights)
+        return weights
 
     def _own(self, lanes: CompiledLanes, start: Start, rate: float) -> list[float]:
         """Return what a lane has of its own."""

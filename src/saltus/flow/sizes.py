@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from saltus.system.hybrid import HybridSystem
 
 __all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "STEPS_KEPT", "Sizes", "fitting_atol", "followed_in_size",
-           "sizes_along", "sizes_from", "sizes_on_the_way"]  # fmt: skip
+           "sizes_along", "sizes_from", "sizes_on_the_way", "units_of"]  # fmt: skip
 
 RTOL = 1e-10  # relative tolerance of a motion's steps
 ATOL = 1e-12  # absolute tolerance of a motion's steps, for states of size 1 or more
@@ -159,6 +159,26 @@ def _share_needed(run: EventDrivenMotion) -> float:
 def _share(sizes: NDArray[np.float64]) -> float:
     """Return the size of the least state that is more than nothing, 1 at most."""
     return float(np.min(sizes, initial=1.0, where=sizes > _LEAST))
+
+
+def units_of(
+    sizes: NDArray[np.float64], rounding: NDArray[np.float64], angles: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return units in which states are of the size 1, powers of 2; 1 for the states that are angles.
+
+    Parameters
+    ----------
+    sizes, rounding : ndarray, shape (n,)
+        How large states are, and differences of them that are none: a state below that has the largest unit.
+    angles : ndarray
+        Places of the angles.
+    """
+    straight = np.delete(np.arange(sizes.size), angles)
+    own = np.where(sizes > rounding, sizes, np.max(sizes[straight], initial=0.0))
+    units = np.ones(sizes.size)
+    known = straight[own[straight] > _LEAST]
+    units[known] = np.exp2(np.round(np.log2(own[known])))
+    return units
 
 
 def fitting_atol(

@@ -146,7 +146,8 @@ def growth_along(
 
     An orthonormal frame is carried by the variational equations along the steps of the motion, and by the saltation
     matrix over events. A step that is too long for the frame is taken in parts. After each part and event the frame is
-    made orthonormal. The system's phase is not perturbed. No more than some hundred steps are in memory at a time.
+    made orthonormal, in units of the states' sizes. The system's phase is not perturbed. No more than some hundred
+    steps are in memory at a time.
 
     Parameters
     ----------
@@ -238,13 +239,16 @@ def _run_rows(
     places[kernels.LIVE] = frame.shape[1]
     logs, ends = np.zeros((row_times.size, frame.shape[1])), np.zeros(row_times.size)
     rows = kernels.Rows(row_times, row_wraps, logs, ends)
+    caps = np.full(run.x.size, math.inf)
+    caps[run.system.angle_places], caps[len(run.system.states) :] = math.pi, 0.0
+    units = kernels.Units(caps, np.zeros(run.x.size), np.ones(run.x.size), np.ones(run.x.size))
     again, done = run.kernels.AGAIN, run.kernels.DONE
     status, longest, stiff = again, 0.0, 0
     while status == again and not interrupted:
         tries, time = run.tries, run.time
         laws, tolerances, *buffers = run.records
         laws = laws._replace(addresses=with_shares(run.system.compiled.addresses, run.shares))  # derivatives too
-        status = kernels.growth_kernel(laws, tolerances, run.budget, *buffers, rows, frame, places)
+        status = kernels.growth_kernel(laws, tolerances, run.budget, *buffers, rows, frame, units, places)
         if status == again:
             run.watch()
             step = (run.time - time) / max(run.tries - tries, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,8 +29,9 @@ def growth_of_map(
 ) -> Growth:  # fmt: skip
     """Return the growth of perturbations along a motion of a map, from which its Lyapunov exponents follow.
 
-    At each state the derivative of its own piece carries an orthonormal frame on. A border needs no further matrix: the
-    pieces on its two sides have their own derivatives, and a motion is on it with probability 0.
+    At each state the derivative of its own piece carries a frame on, orthonormal in units of the states' sizes. A
+    border needs no further matrix: the pieces on its two sides have their own derivatives, and a motion is on it with
+    probability 0.
 
     Parameters
     ----------
@@ -74,9 +76,11 @@ def growth_of_map(
     logs, at = np.zeros((ends.size, columns)), np.array(system.full_state(x))
     work, places, code = np.empty((2, n * (1 + columns))), np.zeros(2, np.int64), code_of(system, p)
     frame = np.ascontiguousarray(frame)
+    units = np.stack([np.full(n, math.inf), np.zeros(n), np.ones(n), np.ones(n)])
+    units[0, system.angle_places] = math.pi
     status = kernels.AGAIN
     while status == kernels.AGAIN and not interrupted:
-        status = kernels.growth(at, frame, work, code, LIMIT, ends, logs, places, STRETCH)
+        status = kernels.growth(at, frame, units, work, code, LIMIT, ends, logs, places, STRETCH)
     if status not in (kernels.DONE, kernels.AGAIN):
         raise error_of(status, int(places[1]), at, system, p)
     measured = grown(ends[: places[0]].astype(np.float64), logs[: places[0]])

@@ -85,6 +85,9 @@ def unstable_count(values: NDArray[np.complex128]) -> int:
 def multiplicity(values: NDArray[np.complex128], kind: str) -> int:
     """Return how many multipliers (SN, BP, PD) or pairs (TR) are critical at once; at least 1.
 
+    Equal multipliers come apart by a root of the matrix' error, as the pair of a conservative orbit does where it meets
+    at -1. The coefficients of their polynomial do not, and tell that they are one.
+
     Parameters
     ----------
     values : ndarray of complex, shape (n,)
@@ -96,7 +99,12 @@ def multiplicity(values: NDArray[np.complex128], kind: str) -> int:
         on_circle = (np.abs(np.abs(values) - 1.0) <= _CRITICAL) & (values.imag > _CRITICAL)
         return max(int(np.sum(on_circle)), 1)
     goal = {"SN": 1.0, "BP": 1.0, "PD": -1.0}.get(kind)
-    return 1 if goal is None else max(int(np.sum(np.abs(values - goal) <= _CRITICAL)), 1)
+    if goal is None:
+        return 1
+    away = values[np.isfinite(values)] - goal
+    away = away[np.argsort(np.abs(away))]
+    near = range(1, int(np.sum(np.abs(away) < 1.0)) + 1)
+    return max((k for k in near if np.all(np.abs(np.poly(away[:k])[1:]) <= _CRITICAL)), default=1)
 
 
 def count_outside(values: NDArray[np.complex128]) -> int:

@@ -16,7 +16,7 @@ from saltus.errors import ChatteringError, DivergenceError, InputError, Stiffnes
 from saltus.flow.motion import EventDrivenMotion, tolerances_of
 from saltus.flow.poincare import EventSection, PoincareReturns, admits, iterate
 from saltus.flow.simulation import SimulationOptions, simulate
-from saltus.flow.sizes import fitting_atol
+from saltus.flow.sizes import fitting_atol, units_of
 from saltus.flow.starting import phase_rate, starting_mode
 from saltus.flow.variational import Average, Growth, frame_tolerance, growth_along
 from saltus.sweeps.section import Section, on_section
@@ -308,8 +308,11 @@ class FlowReturns:
     def compared(
         self, p: NDArray[np.float64], found: PoincareReturns, time: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return states whose recurrence is looked at, and differences of them that are rounding."""
-        states, rounding = found.states, self._rounding(p, found, time)
+        """Return states whose recurrence is looked at, in their sizes, and differences of them that are rounding."""
+        sizes, rounding = self._sizes(p, found, time)
+        units, n = np.ones(sizes.size), len(self.system.states)
+        units[:n] = units_of(sizes[:n], rounding[:n], self.system.angle_places)
+        states, rounding = found.states / units, rounding / units
         if self.system.phase is not None:
             angle = states[:, -1:] * (TURN / self.steady.turn)
             round_ = () if self.section is None else (np.cos(angle), np.sin(angle))
@@ -377,8 +380,10 @@ class FlowReturns:
         """Period of the drive."""
         return self.system.turn / phase_rate(self.system, p, self.x0, 0)
 
-    def _rounding(self, p: NDArray[np.float64], found: PoincareReturns, time: float) -> NDArray[np.float64]:
-        """Return the differences of full states that are rounding, from their sizes over a mean return."""
+    def _sizes(
+        self, p: NDArray[np.float64], found: PoincareReturns, time: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the sizes of full states over a mean return, and the differences that are rounding."""
         run = EventDrivenMotion(
             self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT,
             limit=self.limit,
@@ -386,4 +391,4 @@ class FlowReturns:
         run.follow(time, None, None)
         sizes = np.abs(run.steps()[2]).max(axis=0)
         sizes[self.system.angle_places] = np.minimum(sizes[self.system.angle_places], math.pi)
-        return np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))
+        return sizes, np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))

@@ -19,6 +19,7 @@ from saltus.scales import (
     VERIFIED_REST,
     VERIFIED_SHRUNK,
     VERIFIED_SPEED,
+    VERIFIED_SURFACE,
     VERIFIED_TIME,
     VERIFIED_TOUCH,
     followed,
@@ -107,7 +108,11 @@ class OrbitCheck:
             return [unchecked("orbit", orbit.period, "SciPy's DOP853 and Radau need too many steps to follow it")]
         rows = [_closing(orbit, found), *_durations(orbit, found), *_multipliers(orbit, found)]
         rows += _extremes(orbit, found)
-        rows.append(equal("admissible", orbit.admissible, not _obstacles(orbit, found)))
+        reasons, doubts = _obstacles(orbit, found)
+        if doubts and not reasons:
+            rows.append(unchecked("admissible", orbit.admissible, doubts[0]))
+        else:
+            rows.append(equal("admissible", orbit.admissible, not reasons))
         return rows
 
     def unstable(self) -> tuple[int, bool]:
@@ -258,8 +263,9 @@ def _extremes(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
     return rows
 
 
-def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
-    """Return why the followed orbit is no motion of the system."""
+def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> tuple[list[str], list[str]]:
+    """Return why the followed orbit is no motion of the system, and what its error leaves open."""
+    doubts: list[str] = []
     reference, form = found.reference, orbit.form
     reasons = [f"duration {i}" for i, duration in enumerate(orbit.durations) if not duration > 0.0]
     for i, piece in enumerate(found.pieces):
@@ -280,9 +286,20 @@ def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
             if rate * orbit.system.transitions[k].direction < -VERIFIED_SPEED * unit:
                 reasons.append(f"direction of segment {i}")
             touches = abs(rate) <= VERIFIED_SPEED * unit and k in orbit.system.velocity_conditions
-            if not touches and not reference.allows(k, piece.end[:, None])[0]:
+            if touches:
+                continue
+            if _at_border(found, k, piece.end):
+                doubts.append(f"a condition changes within the error of the end of segment {i}")
+            elif not reference.allows(k, piece.end[:, None])[0]:
                 reasons.append(f"condition of segment {i}")
-    return reasons
+    return reasons, doubts
+
+
+def _at_border(found: FollowedOrbit, transition: int, x: NDArray[np.float64]) -> bool:
+    """Return whether the condition of a transition holds on one side only of a state that is known to an error."""
+    away = np.diag((VERIFIED_SURFACE + found.loose) * found.sizes)
+    held = found.reference.allows(transition, x[:, None] + np.concatenate([away, -away], axis=1))
+    return bool(held.any() and not held.all())
 
 
 def _is_rest(orbit: PeriodicOrbit) -> bool:

@@ -9,6 +9,8 @@ import pytest
 
 from saltus import (
     HybridSystem,
+    Mode,
+    Transition,
     continue_equilibrium,
     continue_orbit,
     find_equilibrium,
@@ -16,10 +18,12 @@ from saltus import (
     load,
     switch_branch,
 )
+from saltus.continuation.results import auditing
 from saltus.continuation.results.audit import Audit
 from saltus.continuation.results.auditing import audited
 from saltus.continuation.results.special_points import SpecialPoints
 from saltus.errors import InputError
+from saltus.orbits.signature import Signature
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +95,33 @@ def test_a_branch_that_goes_back_on_itself_is_told(response):
     found = audited(back).audit.breaches
     assert any("the same solutions follow on both sides" in breach.text for breach in found)
     assert any("a second time" in breach.text for breach in found)
+
+
+@pytest.mark.parametrize("section", [False, True])
+def test_a_branch_that_goes_back_behind_another_signature_is_told(section):
+    # forth and back between two rows that meet the wall, or with a section that is met on the way back alone
+    event = Transition("m", "m", "x" if section else "x - 50", 1, {} if section else {"v": "-v"}, name="wall")
+    system = HybridSystem(
+        ("x", "v"), {"w": 1.0}, {"m": Mode({"x": "v", "v": "-0.1*v - x - x**3 + 0.5*cos(theta)"})}, [event],
+        phase=("theta", "w"),
+    )  # fmt: skip
+    forced = continue_orbit(find_orbit(system, {"w": 1.2}, [0.0, 0.0]), "w", (1.0, 1.4))
+    rows = np.r_[0 : len(forced), len(forced) - 2 : 0 : -2]
+    names = ("x0", "multipliers", "stable", "admissible", "period", "lows", "highs", "means", "harmonics", "implicit",
+             "values", "residual")  # fmt: skip
+    places, last = np.arange(len(rows)), len(forced) - 1
+    met = places > last if section else (places >= last - 1) & (places <= last)
+    back = replace(
+        forced,
+        **{name: getattr(forced, name)[rows] for name in names},
+        form=met.astype(np.int64),
+        forms=(Signature((0,), (-1,), (2,), 1), Signature((0,), (0,), (0,), 1)),
+        unknowns=tuple(forced.unknowns[i] for i in rows),
+        arclength=np.arange(len(rows), dtype=float),
+        freed=np.empty(0),
+    )
+    (found, _) = auditing._forward(auditing._Seen.of(back))
+    assert any("the same solutions follow on both sides" in text for _, text in found)
 
 
 def test_multipliers_whose_product_is_not_that_of_the_divergence_are_told(response):

@@ -16,8 +16,10 @@ from saltus.continuation.problems.ends.excursions import gone, moved, turns_back
 from saltus.continuation.problems.margins import (
     grazed_with,
     passing,
+    places_touched,
     run_out,
     touched,
+    touches_again,
     vanishing,
     vanishing_with,
     without_speed,
@@ -61,8 +63,9 @@ class Neighbour:
 
 
 def neighbour(
-    problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], others: Sequence[Monitor] = ()
-) -> Neighbour | str:
+    problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64], others: Sequence[Monitor] = (), *,
+    everywhere: bool = False,
+) -> Neighbour | str:  # fmt: skip
     """Return an orbit `u` on the border of its signature in the neighbouring one, or the reason why there is none.
 
     Parameters
@@ -78,6 +81,8 @@ def neighbour(
         Unknowns of the orbit, and the parameter.
     others : sequence of Monitor, optional
         Further ones of the same kind that vanish there, and change the signature as well: see `neighbours`.
+    everywhere : bool, optional
+        Whether a segment becomes one that meets a surface wherever it touches that surface, not at one place alone.
     """
     problem, u = whole(problem, u)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
@@ -87,7 +92,10 @@ def neighbour(
         return Neighbour(other.signature, np.append(other.blocks.ravel(), u[problem.size :]))
     if monitor.kind == "margin":
         places = problem.survey(u).places
-        found = inserted(problem, blocks, u, [Touch(i, float(places[i, k]), k) for _, i, k, _ in (monitor, *others)])
+        touches = [(i, float(places[i, k]), k) for _, i, k, _ in (monitor, *others)]
+        if everywhere:
+            touches = [(i, at, k) for i, own, k in touches for at in places_touched(problem, i, k, own)]
+        found = inserted(problem, blocks, u, [Touch(*touch) for touch in touches])
     elif monitor.kind == "side":
         found = _change_modes(problem, blocks, u, monitor.transition)
     elif monitor.kind == "duration" and _meets_another(problem, monitor.segment):
@@ -125,7 +133,8 @@ def neighbours(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) 
     signature has one partner, and symmetries are kept. Then each changes alone.
     """
     others = grazed_with(problem, monitor, u)
-    together = [_changed(problem, [monitor, *others], u)] if others else []
+    several = bool(others) or touches_again(problem, monitor, u)
+    together = [_changed(problem, [monitor, *others], u)] if several else []
     return together + [neighbour(problem, name, u) for name in (monitor, *others)]
 
 
@@ -134,7 +143,7 @@ def _changed(problem: OrbitProblem, names: list[Monitor], u: NDArray[np.float64]
     problem, u = whole(problem, u)
     slow = [name for name in names if name.kind == "rate"]
     if not slow or len(slow) == len(names):
-        return neighbour(problem, names[0], u, names[1:])
+        return neighbour(problem, names[0], u, names[1:], everywhere=True)
     ends, transitions = problem.signature.transitions, problem.system.transitions
     missed = {transitions[ends[name.segment]].event for name in slow}
     fewer = neighbour(problem, slow[0], u, slow[1:])
@@ -142,7 +151,7 @@ def _changed(problem: OrbitProblem, names: list[Monitor], u: NDArray[np.float64]
         return fewer
     active = _same_equations(problem, u, fewer)
     met = [name for name in touched(active, fewer.u) if transitions[name.transition].event not in missed]
-    return neighbour(active, met[0], fewer.u, met[1:]) if met else fewer
+    return neighbour(active, met[0], fewer.u, met[1:], everywhere=True) if met else fewer
 
 
 def _same_equations(problem: OrbitProblem, u: NDArray[np.float64], found: Neighbour) -> OrbitProblem:

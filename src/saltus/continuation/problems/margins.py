@@ -28,12 +28,14 @@ __all__ = [
     "grazing_monitors",
     "on_border",
     "passing",
+    "places_touched",
     "run_out",
     "side_of",
     "speed_at",
     "still_ahead",
     "timed",
     "touched",
+    "touches_again",
     "vanishing",
     "vanishing_with",
     "without_shadows",
@@ -260,6 +262,40 @@ def touched(problem: OrbitProblem, u: NDArray[np.float64]) -> list[Monitor]:
         if abs(float(survey.margins[i, k])) <= TOUCHING * size:
             found.setdefault((i, transitions[k].event), Monitor("margin", i, k))
     return list(found.values())
+
+
+def places_touched(problem: OrbitProblem, segment: int, transition: int, own: float) -> list[float]:
+    """Return the places where a segment, as last surveyed, touches a transition's surface, first its survey's, `own`.
+
+    One event function may have several surfaces, as x^2 - 1 has two. A segment of a symmetric orbit touches both.
+    """
+    from scipy.optimize import brentq  # 0.3 s of a processor, which few orbits need
+
+    compiled, event = problem.system.compiled, np.empty(2 + 2 * problem.n)
+
+    def met(place: float) -> tuple[float, float]:
+        x = np.ascontiguousarray(problem.state_on(segment, place))
+        compiled.call("event_x", transition, 0, x, problem.extended, event)
+        return float(event[0]), float(event[1])
+
+    places = np.linspace(0.0, 1.0, _PLACES)
+    rates = np.array([met(place)[1] for place in places.tolist()])
+    found = [own]
+    for j in np.flatnonzero(rates[:-1] * rates[1:] < 0.0).tolist():
+        place = float(brentq(lambda at: met(at)[1], places[j], places[j + 1], xtol=1e-14))
+        near = abs(met(place)[0]) <= TOUCHING * problem.event_size(transition, problem.state_on(segment, place))
+        if near and min(abs(place - other) for other in found) > places[1]:
+            found.append(place)
+    return found
+
+
+def touches_again(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
+    """Return whether a segment touches the surface of a monitor function of kind ``margin`` at several places."""
+    if monitor.kind != "margin":
+        return False
+    problem, u = whole(problem, u)
+    _, i, k, _ = monitor
+    return len(places_touched(problem, i, k, float(problem.survey(u).places[i, k]))) > 1
 
 
 def without_speed(problem: OrbitProblem, u: NDArray[np.float64]) -> list[Monitor]:

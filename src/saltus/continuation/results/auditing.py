@@ -20,6 +20,7 @@ from saltus.continuation.results.liouville import liouville
 from saltus.continuation.results.locus_ledger import holds, other_values, signs_of_coefficient
 from saltus.continuation.results.stability_ledger import at_one, contradicted_labels, critical_rows, unexplained
 from saltus.errors import SaltusError
+from saltus.orbits.records import changes_nothing
 from saltus.orbits.signature import Signature
 from saltus.scales import LOCATED, NEWTON_AT_ROUNDING, ON_LINE, Verdict, followed, same, zero
 
@@ -99,9 +100,12 @@ class _Seen:
         return cls(curve, values, rounding, table[:, kept] / ranges[kept], closed)
 
     def events(self, i: int) -> list[int]:
-        """Return the transitions of an orbit of a flow, each as often as it happens; none of other solutions."""
+        """Return the transitions that make an orbit of a flow, each as often as it happens; none of other solutions."""
         form = self.curve.forms[self.curve.form[i]] if hasattr(self.curve, "forms") else None
-        return sorted(k for k in form.transitions if k >= 0) if isinstance(form, Signature) else []
+        if not isinstance(form, Signature):
+            return []
+        transitions = self.curve.system.transitions
+        return sorted(k for k in form.transitions if k >= 0 and not changes_nothing(transitions[k]))
 
     def turns(self, k: int) -> list[tuple[int, int]]:
         """Return between which points, the first and the last of a turn, a parameter turns."""
@@ -183,9 +187,9 @@ def _retraced(seen: _Seen, k: int, i: int, j: int) -> bool:
     before = range(i, max(i - _BESIDE, -1), -1)
     shares = []
     for b in range(j, min(j + _BESIDE, len(seen.values))):
-        if seen.events(b) != seen.events(i):  # an orbit with further events is another one, however near
-            continue
         for a, c in pairwise(before):
+            if not seen.events(a) == seen.events(c) == seen.events(b):
+                continue  # an orbit with further events is another one, however near
             share = _off_line(seen, k, (a, c), b)
             if share is not None:
                 shares.append(share)

@@ -38,6 +38,10 @@ class AlgebraicLocusRun(TwoParameterRun):
     ends_at: ClassVar[Mapping[str, str]] = MappingProxyType({})  # special points at which a locus ends, and why
     first_sizes: NDArray[np.float64]  # sizes of the unknowns at the start, known when the first point is
 
+    def starts(self, piece: Any, origin: Point) -> list[Point]:
+        """Return the start of a locus in all forms in which the locus may come back to it."""
+        return [origin]
+
     def end(self, kind: str) -> str | None:
         """Return why the locus ends at a special point of some type; None where it does not."""
         return self.ends_at.get(kind)
@@ -86,7 +90,9 @@ class AlgebraicLocusRun(TwoParameterRun):
 
     def closes(self, half: OneSide, piece: AlgebraicLocusProblem, last: Point, point: Point) -> bool:
         """See `Run.closes`."""
-        same = closes(piece, half.first, last, point, self.control, piece.problem.circles)
+        circles = piece.problem.circles
+        met = (closes(piece, origin, last, point, self.control, circles) for origin in self.starts(piece, half.first))
+        same = next((start for start in met if start is not None), None)
         return same is not None and half.closed_at(same, piece)
 
     def arrived(self, half: OneSide, piece: AlgebraicLocusProblem, point: Point) -> str | None:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["adding_sliding_ahead"]
 
 _STEPS = 24  # steps along the branch without the excursion in which its touch is sought
+_AROUND = 6  # the same from one step aside
 _CONTROL = StepControl(initial=1e-5, largest=2e-2)
 
 
@@ -58,14 +59,31 @@ def adding_sliding_ahead(
     if begun.examined.data is None:
         return None
     for sign in (1.0, -1.0):
-        met: Event | None = None
-        steps = follow(fresh, turned(begun, sign, fresh.odd), _CONTROL, log=[])
-        for item in itertools.islice(steps, _STEPS):
-            if isinstance(item, Event) and item.name.kind == "margin":
-                met = item
-            elif isinstance(item, Point) and met is not None and item.examined.data.survey.admissible:
-                return fresh, met, item
+        if (touch := _touch(fresh, turned(begun, sign, fresh.odd), _STEPS)) is not None:
+            return fresh, *touch
+    # steps may come so near that rounding has put the orbit on the touch or past it: it is met from either side
+    for sign in (1.0, -1.0):
+        steps = itertools.islice(follow(fresh, turned(begun, -sign, fresh.odd), _CONTROL, log=[]), _AROUND)
+        aside = next((item for item in steps if isinstance(item, Point)), None)
+        if aside is not None and (touch := _touch(fresh, turned(aside, -1.0, fresh.odd), _AROUND)) is not None:
+            return fresh, *touch
     return None
+
+
+def _touch(fresh: OrbitZeroProblem, begun: Point, count: int) -> tuple[Event, Point] | None:
+    """Return the touch that is met within so many steps along a branch, and the first admissible point behind it."""
+    met: Event | None = None
+    for item in itertools.islice(follow(fresh, begun, _CONTROL, log=[]), count):
+        if isinstance(item, Event) and item.name.kind == "margin":
+            met = item
+        elif isinstance(item, Point) and met is not None and _is_behind(item, met):
+            return met, item
+    return None
+
+
+def _is_behind(item: Point, met: Event) -> bool:
+    """Return whether an orbit is admissible, and not past the touch by rounding, where it still counts as such."""
+    return item.examined.data.survey.admissible and item.examined.monitors.get(met.name, 0.0) > 0.0
 
 
 def _without(branch: OrbitZeroProblem, point: Point) -> Neighbour | None:

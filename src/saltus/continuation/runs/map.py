@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from saltus.continuation.core.zero_problem import Event, Point
     from saltus.continuation.problems.boundary import Crossing
     from saltus.continuation.runs.two_sided import BothSides, OneSide
+    from saltus.maps.problem import MapOrbitProblem
 
-__all__ = ["MapRun", "map_orbit_columns"]
+__all__ = ["MapRun", "begun_anywhere", "map_orbit_columns"]
 
 
 def map_orbit_columns(joined: BothSides) -> dict[str, Any]:
@@ -33,6 +34,22 @@ def map_orbit_columns(joined: BothSides) -> dict[str, Any]:
         "forms": tuple(forms),
         "form": np.array([forms.index(piece.problem.itinerary) for piece, _ in joined.rows]),
     }
+
+
+def begun_anywhere(problem: MapOrbitProblem, origin: Point) -> list[Point]:
+    """Return the start of a curve of orbits with each of the orbit's points as the first one.
+
+    A curve round a tongue, or once round a circle, comes back to its start with another point first.
+    """
+    itinerary, found = problem.itinerary, []
+    for k in range(problem.period):
+        if itinerary[k:] + itinerary[:k] == itinerary:
+            u, tangent = (
+                np.append(np.roll(problem.points(part), -k, axis=0).ravel(), part[problem.n :])
+                for part in (origin.u, origin.tangent)
+            )
+            found.append(replace(origin, u=u, tangent=tangent))
+    return found
 
 
 class MapRun(AlgebraicRun):
@@ -82,19 +99,8 @@ class MapRun(AlgebraicRun):
         return None if period is None else f"the orbit shrinks to one of period {period}"
 
     def starts(self, branch: MapZeroProblem, origin: Point) -> list[Point]:
-        """See `AlgebraicRun.starts`: gone round a circle, another of an orbit's points may be the first one."""
-        problem = branch.problem
-        if not problem.circles.size:
-            return [origin]
-        itinerary, found = problem.itinerary, []
-        for k in range(problem.period):
-            if itinerary[k:] + itinerary[:k] == itinerary:
-                u, tangent = (
-                    np.append(np.roll(problem.points(part), -k, axis=0).ravel(), part[problem.n :])
-                    for part in (origin.u, origin.tangent)
-                )
-                found.append(replace(origin, u=u, tangent=tangent))
-        return found
+        """See `AlgebraicRun.starts`."""
+        return begun_anywhere(branch.problem, origin)
 
     def closed_up(self, branch: MapZeroProblem, point: Point) -> str | None:
         """See `AlgebraicRun.closed_up`: where the second half of an orbit meets the first one, its period halves."""

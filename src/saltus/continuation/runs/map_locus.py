@@ -10,7 +10,7 @@ from saltus.continuation.problems.map import grows_without_bound
 from saltus.continuation.problems.map_locus import MapLocusProblem
 from saltus.continuation.results.map_locus import MapLocus
 from saltus.continuation.runs.algebraic_locus import AlgebraicLocusRun
-from saltus.continuation.runs.map import map_orbit_columns
+from saltus.continuation.runs.map import begun_anywhere, map_orbit_columns
 from saltus.continuation.runs.two_parameters import locus_run
 from saltus.maps.orbit import MapOrbit
 
@@ -41,6 +41,10 @@ class MapLocusRun(AlgebraicLocusRun):
     def end(self, kind: str) -> str | None:
         """See `AlgebraicLocusRun.end`."""
         return super().end(kind) if kind == "BC" or self.kind == "TR" else None
+
+    def starts(self, piece: MapLocusProblem, origin: Point) -> list[Point]:
+        """See `AlgebraicLocusRun.starts`."""
+        return begun_anywhere(piece.problem, origin)
 
     def met(self, name: Monitor) -> str:
         """See `AlgebraicLocusRun.met`."""

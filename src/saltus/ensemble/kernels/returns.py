@@ -81,24 +81,25 @@ def done(i, mode, phase, found):
 
 
 @part
-def orthonormal(i, R, lane, n, section, found):
+def orthonormal(i, R, lane, n, weights, section, found):
     """Make the perturbations of motion i orthonormal, and keep the logarithms of their lengths; whether they had any.
 
-    Modified Gram-Schmidt, a second time for each.
+    Modified Gram-Schmidt, a second time for each. weights: (m, states), inverse units of their components.
     """
     columns, place = found.logs.shape[2], found.seen[i] - section.skip
     states = n // (1 + columns)
     for c in range(columns):
         at = states * (1 + c)
-        before = length(R, lane, at, states)
+        before = length(i, R, lane, at, weights)
         for b in range(2 * c):
             other = states * (1 + b % c)
             product = 0.0
             for e in range(states):
-                product += ld(R, (other + e) * NL, lane) * ld(R, (at + e) * NL, lane)
+                one, two = ld(R, (other + e) * NL, lane), ld(R, (at + e) * NL, lane)
+                product += (one * weights[i, e]) * (two * weights[i, e])
             for e in range(states):
                 st(R, (at + e) * NL, lane, ld(R, (at + e) * NL, lane) - product * ld(R, (other + e) * NL, lane))
-        left = length(R, lane, at, states)
+        left = length(i, R, lane, at, weights)
         if not (left > PARALLEL * before and left > 0.0 and left < math.inf):
             return False
         for e in range(states):
@@ -109,11 +110,11 @@ def orthonormal(i, R, lane, n, section, found):
 
 
 @part
-def length(R, lane, at, states):
-    """Length of a perturbation, from its first field."""
+def length(i, R, lane, at, weights):
+    """Length of a perturbation of motion i, from its first field."""
     total = 0.0
-    for e in range(states):
-        total += ld(R, (at + e) * NL, lane) ** 2
+    for e in range(weights.shape[1]):
+        total += (ld(R, (at + e) * NL, lane) * weights[i, e]) ** 2
     return math.sqrt(total)
 
 
@@ -125,7 +126,7 @@ def looked_at(i, k, R, lane, x, lanes, motions, section, found, clocks, looks):
     st(R, (n + TIME) * NL, lane, 0.0)
     st(R, (n + COUNT) * NL, lane, 0.0)
     if section.at_look:
-        if found.logs.shape[2] > 0 and not orthonormal(i, R, lane, n, section, found):
+        if found.logs.shape[2] > 0 and not orthonormal(i, R, lane, n, motions.weights, section, found):
             found.labels[i] = LEFT_OVER
             return HARD
         read(lanes, k, R, lane, x)

@@ -58,12 +58,14 @@ def attempt(functions, mode, n, p, n_states, h, before, x, rtol, atol, x_end, gu
     return error
 
 
-@cfunc(float64(*SYSTEM, float64, float64, float64, NUMBERS, int64, NUMBERS, NUMBERS, NUMBERS), error_model="numpy")
-def carry(functions, mode, n, p, h, whole, begun, guess, columns, y, trial, rough):
+@cfunc(
+    float64(*SYSTEM, float64, float64, float64, NUMBERS, int64, NUMBERS, NUMBERS, NUMBERS, NUMBERS), error_model="numpy"
+)
+def carry(functions, mode, n, p, h, whole, begun, guess, columns, y, trial, weights, rough):
     """Take a part `h` of a step of a motion with a frame, from y to trial, (n + n columns,); return whether it is solved.
 
     The part begins at `begun` of the step's length `whole`; guess: (7 n,), the step's dense output. What the polynomial
-    of highest degree adds to each column is left in `rough`, (columns,).
+    of highest degree adds to each column is left in `rough`, (columns,), in units 1/weights of the components.
     """
     segment = Segment(functions, mode, 1.0, p, n)
     size = STAGES * n
@@ -82,7 +84,7 @@ def carry(functions, mode, n, p, h, whole, begun, guess, columns, y, trial, roug
                 first, last = y[n + e * columns + c], 0.0
                 for i in range(STAGES):
                     last += LAST[i] * (moved[(c * STAGES + i) * n + e] - first)
-                rough[c] = max(rough[c], abs(last))
+                rough[c] = max(rough[c], abs(last * weights[e]))
                 trial[n + e * columns + c] = moved[(c * STAGES + STAGES - 1) * n + e]
     keep(block)
     keep(pivots)

@@ -104,6 +104,23 @@ def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
 
 
 @njit(**INNER)
+def error_in_units(slopes, length, n, columns, h, units):
+    """Error of a step as in `error_norm`, of vectors in the columns of (n, columns), in units of the components.
+
+    slopes: where those of the vectors begin; length: from one stage to the next.
+    """
+    outlined()
+    used = n * columns
+    fives = stack(float64, 3 * used)
+    threes, scales = pointer(fives, used), pointer(fives, 2 * used)
+    for e in range(n):
+        for c in range(columns):
+            scales[e * columns + c] = units[e]
+    _estimates(slopes, length, used, scales, fives, threes)
+    return _norm(used, h, fives, threes)
+
+
+@njit(**INNER)
 def _norm(used, h, fives, threes):
     """Error of a step from its estimates."""
     five = three = 0.0

@@ -3,7 +3,8 @@
 `run_kernel` follows the motion and leaves its steps and events. Each step is taken again with the columns of a frame
 beside the state. A whole step has the same stages of the state as the motion; a step too long for the frame, as where
 the motion rests, is taken in parts. At an event the frame passes through the saltation matrix. After every part and
-event the frame is made orthonormal, and the logarithms of its columns' lengths are summed. See docs/theory/lyapunov.md.
+event the frame is made orthonormal in units of the states' sizes, and the logarithms of its columns' lengths are summed.
+See docs/theory/lyapunov.md.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus.flow.kernels.event import run_kernel
-from saltus.flow.kernels.stages import error_norm, stage
+from saltus.flow.kernels.frame_units import raised, weighed
+from saltus.flow.kernels.stages import error_in_units, stage
 from saltus.flow.kernels.state import (
     AGAIN,
     DONE,
@@ -75,6 +77,27 @@ class Rows(NamedTuple):
     ends: NDArray[np.float64]
 
 
+class Units(NamedTuple):
+    """Sizes of the states along a motion, in which its perturbations are measured.
+
+    Parameters
+    ----------
+    caps : ndarray, shape (n,)
+        Largest sizes that count: half a turn of an angle, nothing of the phase.
+    sizes : ndarray, shape (n,)
+        The largest so far.
+    weights : ndarray, shape (n,)
+        Inverse units of the perturbations.
+    units : ndarray, shape (n,)
+        Their units.
+    """
+
+    caps: NDArray[np.float64]
+    sizes: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    units: NDArray[np.float64]
+
+
 class Frame(NamedTuple):
     """Perturbations of a motion, and room for their sizes and growth: pointers.
 
@@ -84,6 +107,8 @@ class Frame(NamedTuple):
         How many.
     vectors : float64 pointer, (n, columns)
         The perturbations.
+    weights, units : float64 pointer, (n,)
+        Inverse units of the components, and their units.
     terms : float64 pointer, (columns,)
         Size of the terms of each perturbation.
     gains, rough : float64 pointer, (columns,)
@@ -92,6 +117,8 @@ class Frame(NamedTuple):
 
     columns: int
     vectors: Any
+    weights: Any
+    units: Any
     terms: Any
     gains: Any
     rough: Any
@@ -106,16 +133,17 @@ class Room(NamedTuple):
 
 
 @njit(**INNER)
-def _take(addresses, mode, n, columns, h, p, slopes, y, trial):
+def _take(addresses, mode, n, frame, h, p, slopes, y, trial):
     """Take a step of state and frame from y to trial; the error of the frame, whose columns have length 1 in y."""
     outlined()
+    columns = frame.columns
     length = n * (1 + columns)
     call(addresses[VARY], mode, columns, y, 0, p, slopes, 0)
     for i in range(1, 13):
         stage(i, slopes, length, h, y, trial)
         if i < 12:
             call(addresses[VARY], mode, columns, trial, 0, p, slopes, i * length)
-    return error_norm(slopes, length, n, n * columns, h, y, trial, 0.0, 1.0)
+    return error_in_units(pointer(slopes, n), length, n, columns, h, frame.units)
 
 
 @njit(**INNER)
@@ -140,16 +168,30 @@ def _carry(system, implicit, mode, x, h, dense, frame, live, longest, tolerance,
     while left > 0.0:
         part = left if left <= longest else left / math.ceil(left / longest)
         if implicit == 0:
-            error = _take(system.addresses, mode, n, columns, part, system.p, room.slopes, y, trial) / tolerance
+            error = _take(system.addresses, mode, n, frame, part, system.p, room.slopes, y, trial) / tolerance
         else:
             begun, rough = h - left, frame.rough
-            arguments = system.addresses, mode, n, system.p, part, h, begun, dense, columns, y, trial, rough
+            arguments = (
+                system.addresses,
+                mode,
+                n,
+                system.p,
+                part,
+                h,
+                begun,
+                dense,
+                columns,
+                y,
+                trial,
+                frame.weights,
+                rough,
+            )
             error = 0.0 if invoke(implicit, arguments) > 0.0 else math.inf
         remaining = live
         if error <= 1.0:
             for c in range(columns):
                 gains[c] = 0.0
-            remaining = _orthonormalise(pointer(trial, n), n, columns, live, terms, gains)
+            remaining = _orthonormalise(pointer(trial, n), frame, n, live, gains)
             least = 0.0
             for c in range(remaining):
                 least = min(least, gains[c])
@@ -178,13 +220,14 @@ def _carry(system, implicit, mode, x, h, dense, frame, live, longest, tolerance,
 
 
 @njit(**INNER)
-def _saltate(addresses, k, mode, target, n, columns, before, after, p, frame, terms, work):
+def _saltate(addresses, k, mode, target, n, before, after, p, carried, work):
     """Carry a frame over an event; whether there is a saltation matrix, the event not being grazed.
 
-    terms: (columns,), the size of the terms of each column; 0 where the event is not clear of a grazing, as small
+    The size of the terms of each column is left with the frame; 0 where the event is not clear of a grazing, as small
     columns are then no rounding. work: (n^2 + 5 n + 2 + 2 columns,).
     """
     outlined()
+    columns, frame, terms = carried.columns, carried.vectors, carried.terms
     event, f1, f2, column = work, pointer(work, 2 + 2 * n), pointer(work, 2 + 3 * n), pointer(work, 2 + 4 * n)
     jacobian = pointer(work, 2 + 5 * n)
     row, sizes = pointer(jacobian, n * n), pointer(jacobian, n * n + columns)
@@ -216,39 +259,51 @@ def _saltate(addresses, k, mode, target, n, columns, before, after, p, frame, te
                 size += abs(entry) * (abs(column[j]) + abs(f1[j]) * sizes[c])
             frame[i * columns + c] = total
             if abs(rate) > CLEAR * scale:
-                terms[c] += size
+                terms[c] += size * carried.weights[i]
     return True
 
 
 @njit(**INNER)
-def _length(frame, n, columns, c):
+def _length(vectors, n, columns, c):
     total = 0.0
     for e in range(n):
-        total += frame[e * columns + c] ** 2
+        total += vectors[e * columns + c] ** 2
     return math.sqrt(total)
 
 
 @njit(**INNER)
-def _orthonormalise(frame, n, columns, live, terms, growth):
+def _scale(vectors, factors, n, columns):
+    """Multiply components of vectors by factors that are powers of 2."""
+    for e in range(n):
+        if factors[e] != 1.0:
+            for c in range(columns):
+                vectors[e * columns + c] *= factors[e]
+
+
+@njit(**INNER)
+def _orthonormalise(vectors, frame, n, live, growth):
     """Make the first `live` columns orthonormal, in order, adding the logarithms of their lengths to `growth`.
 
     Modified Gram-Schmidt, a second time for a column that lost half its length. A column that vanishes, or is shorter
     than its rounding, `COLLAPSED` of its terms, is taken out and those after it move up. Returns how many are left.
+    vectors: (n, columns), those of the frame or what follows them.
     """
     outlined()
+    columns, terms = frame.columns, frame.terms
+    _scale(vectors, frame.weights, n, columns)
     c = 0
     while c < live:
-        length = _length(frame, n, columns, c)
+        length = _length(vectors, n, columns, c)
         for _ in range(2):
             earlier = length
             for b in range(c):
                 product = 0.0
                 for e in range(n):
-                    product += frame[e * columns + b] * frame[e * columns + c]
+                    product += vectors[e * columns + b] * vectors[e * columns + c]
                 for e in range(n):
-                    frame[e * columns + c] -= product * frame[e * columns + b]
+                    vectors[e * columns + c] -= product * vectors[e * columns + b]
             if c > 0:
-                length = _length(frame, n, columns, c)
+                length = _length(vectors, n, columns, c)
             if length > 0.5 * earlier:
                 break
         if length <= COLLAPSED * terms[c]:
@@ -256,15 +311,41 @@ def _orthonormalise(frame, n, columns, live, terms, growth):
             for d in range(c, live):
                 terms[d] = terms[d + 1]
                 for e in range(n):
-                    frame[e * columns + d] = frame[e * columns + d + 1]
+                    vectors[e * columns + d] = vectors[e * columns + d + 1]
             for e in range(n):
-                frame[e * columns + live] = 0.0
+                vectors[e * columns + live] = 0.0
             continue
         growth[c] += math.log(length)
         for e in range(n):
-            frame[e * columns + c] /= length
+            vectors[e * columns + c] /= length
         c += 1
+    _scale(vectors, frame.units, n, columns)
     return live
+
+
+@njit(**INNER)
+def _measured(taken, count, frame, n, live, units):
+    """Measure a frame by the sizes that the states have in some steps more; how many columns live.
+
+    The columns stay what they are, in span and order, and a change of units is no growth. Before the first step they are
+    orthonormal in units of 1, and become so in the new ones.
+    """
+    outlined()
+    first, beyond = True, False
+    for e in range(n):
+        first = first and units.sizes[e] == 0.0
+    for step in range(count):
+        beyond = raised(pointer(taken.starts, step * n), units.caps, n, units.sizes) or beyond
+    if not beyond or not weighed(units.sizes, n, frame.weights):
+        return live
+    for e in range(n):
+        frame.units[e] = 1.0 / frame.weights[e]
+    if first:
+        _scale(frame.vectors, frame.units, n, frame.columns)
+        return live
+    for c in range(frame.columns):
+        frame.terms[c] = 0.0
+    return _orthonormalise(frame.vectors, frame, n, live, frame.gains)
 
 
 @njit(**INNER)
@@ -279,24 +360,23 @@ def _pass(system, event, events, frame, live, growth, places, work):
         which[1],
         which[2],
         n,
-        frame.columns,
         before,
         after,
         system.p,
-        frame.vectors,
-        frame.terms,
+        frame,
         work,
     ):
-        return _orthonormalise(frame.vectors, n, frame.columns, live, frame.terms, growth)
+        return _orthonormalise(frame.vectors, frame, n, live, growth)
     places[GRAZED] += 1
     return live
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def growth_kernel(system, tolerances, budget, state, steps, events, rows, vectors, places):
+def growth_kernel(system, tolerances, budget, state, steps, events, rows, vectors, units, places):
     """Follow a motion with a frame, row after row, until the last row ends or `budget` steps are spent; a status.
 
-    The records are those of `run_kernel`. Changed in place: vectors, (n, columns); places; what rows hold.
+    The records are those of `run_kernel`. Changed in place: vectors, (n, columns), at first orthonormal in units of 1; units;
+    places; what rows hold.
     """
     n, columns = vectors.shape
     length, start = n * (1 + columns), (n + 2) * (n + 3) + 3 * columns
@@ -304,7 +384,16 @@ def growth_kernel(system, tolerances, budget, state, steps, events, rows, vector
     work = pointer(block, columns)
     room = Room(pointer(block, start), pointer(block, start + 13 * length), pointer(block, start + 14 * length))
     gains = pointer(block, start + 15 * length)
-    frame = Frame(columns, pointer(vectors, 0), pointer(block, 0), gains, pointer(gains, columns))
+    scales = Units(pointer(units.caps, 0), pointer(units.sizes, 0), pointer(units.weights, 0), pointer(units.units, 0))
+    frame = Frame(
+        columns,
+        pointer(vectors, 0),
+        scales.weights,
+        scales.units,
+        pointer(block, 0),
+        gains,
+        pointer(gains, columns),
+    )
     laws, sums = system_pointers(system), pointer(rows.growth, 0)
     taken, passed, counts = step_pointers(steps), event_pointers(events), pointer(state.counts, 0)
     last_event, live = np.iinfo(np.int64).max, places[LIVE]
@@ -319,6 +408,7 @@ def growth_kernel(system, tolerances, budget, state, steps, events, rows, vector
         status = run_kernel(system, tolerances, goal, state, steps, events)
         budget -= max(counts[N_STEPS], 1)
         growth = pointer(sums, row * columns)
+        live = _measured(taken, counts[N_STEPS], frame, n, live, scales)
         event = 0
         for step in range(counts[N_STEPS] + 1):
             # events at the time at which a step begins come before it, those after the last step at the end

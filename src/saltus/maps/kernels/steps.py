@@ -6,10 +6,11 @@ import math
 
 from numba import float64
 
+from saltus.flow.kernels.frame_units import raised, weighed
 from saltus.scales import EPS, STATE_ROUNDED
 from saltus.system.angles import TURN
 from saltus.system.numba_tools.machine_code import njit
-from saltus.system.numba_tools.pointers import call, stack
+from saltus.system.numba_tools.pointers import call, pointer, stack
 from saltus.system.tiling import NUDGE
 
 # Kernels make no array: counting references to records would take longer than the work itself.
@@ -250,15 +251,51 @@ def fresh(frame, n, columns, c):
     return project(frame, n, columns, c)
 
 
+@inner
+def measured(frame, n, columns, units, first, work):
+    """Measure a frame by the sizes of the states so far, which have grown: a change of units is no growth.
+
+    frame: in units of the states. units: (4, n): caps of sizes, the largest sizes so far, inverse units, units. At first
+    columns stay orthonormal as these change. Later they keep their spans. work: (columns,).
+    """
+    if not first:
+        scale(frame, units[3], columns)
+    weighed(pointer(units, n), n, pointer(units, 2 * n))
+    for i in range(n):
+        units[3, i] = 1.0 / units[2, i]
+    if not first:
+        scale(frame, units[2], columns)
+        orthonormal(frame, n, columns, work)
+
+
+@part
+def is_plain(units):
+    """Whether all units are 1."""
+    for i in range(units.size):
+        if units[i] != 1.0:
+            return False
+    return True
+
+
+@part
+def scale(frame, factors, columns):
+    """Multiply the rows of a frame by factors."""
+    for i in range(factors.size):
+        for c in range(columns):
+            frame[i * columns + c] *= factors[i]
+
+
 @njit(cache=True, **SCALAR)
-def growth(x, frame, work, code, limit, ends, logs, at, most):
+def growth(x, frame, units, work, code, limit, ends, logs, at, most):
     """Carry a frame along a motion, at most for `most` iterations: a status, AGAIN where some are left.
 
-    x: (n,), the start, then the last state. frame: (n * columns,), row by row. work: (2, n * (1 + columns)). ends: (rows,), iteration at which each
-    row of logs ends. logs: (rows, columns), logarithms of growth in each row. at: (2,), row and iterations so far.
+    x: (n,), the start, then the last state. frame: (n * columns,), row by row, in units of the states. units: as of
+    `measured`. work: (2, n * (1 + columns)). ends: (rows,), iteration at which each row of logs ends. logs: (rows,
+    columns), logarithms of growth in each row. at: (2,), row and iterations so far.
     """
     n, columns = x.size, logs.shape[1]
     before, after, last = work[0], work[1], at[1] + most
+    plain = is_plain(units[3])
     while at[0] < ends.size:
         total = logs[at[0]]
         while at[1] < ends[at[0]]:
@@ -269,16 +306,23 @@ def growth(x, frame, work, code, limit, ends, logs, at, most):
             piece = piece_of(x, code, after)
             if piece < 0:
                 return NOWHERE
+            if raised(pointer(x, 0), pointer(units, 0), n, pointer(units, n)):
+                measured(frame, n, columns, units, at[1] == 0, before)
+                plain = is_plain(units[3])
             for i in range(n):
                 before[i] = x[i]
             for i in range(frame.size):
                 before[n + i] = frame[i]
+            if not plain:
+                scale(before[n:], units[3], columns)
             call(code.functions[1], piece, columns, before, 0, code.p, after, 0)
             for i in range(n):
                 x[i] = after[i]
             onto_circles(x, code)
             for i in range(frame.size):
                 frame[i] = after[n + i]
+            if not plain:
+                scale(frame, units[2], columns)
             orthonormal(frame, n, columns, total)
             at[1] += 1
         at[0] += 1

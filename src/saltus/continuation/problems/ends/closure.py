@@ -12,7 +12,7 @@ from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.core.closing import Passed, between, passed, reach
 from saltus.continuation.core.zero_problem import Point, ZeroProblem
 from saltus.orbits.cuts import clustered
-from saltus.orbits.signature import PHASE_END
+from saltus.orbits.signature import EVENT_END, MEAN_END, PHASE_END
 from saltus.scales import EPS, SAME_POINT
 from saltus.system.angles import TURN, wrapped
 
@@ -132,7 +132,9 @@ def _phases(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Poin
             yield forced.begun_at(j / signature.turns)
         return
     blocks = origin.u[:size].reshape(problem.segments, n + 1)
-    parts = (signature.modes, signature.transitions, signature.kinds)
+    # of events on one surface in a row the first alone ends where its function vanishes, wherever an orbit starts
+    kinds = tuple(EVENT_END if kind == MEAN_END else kind for kind in signature.kinds)
+    parts = (signature.modes, signature.transitions, kinds)
     for j in range(1, problem.segments):
         if all(part[j:] + part[:j] == part for part in parts):
             turned = blocks.copy()
