@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit
+from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, load, solve_orbit, verify
 from saltus.continuation.problems.guards import residual_fault
 from selection import guarding
 
-# Izhikevich, Simple model of spiking neurons (2003): a, b, c, d, I of bursts; the last two are further up
-CELLS = {"bursts": (0.02, 0.2, -50.0, 2.0, 15.0), "long bursts": (0.02, 0.2, -48.0, 2.0, 20.0)}
+# Izhikevich, Simple model of spiking neurons (2003): a, b, c, d, I of bursts
+CELLS = {
+    "bursts": (0.02, 0.2, -50.0, 2.0, 15.0),
+    "long bursts": (0.02, 0.2, -48.0, 2.0, 20.0),
+    "chatter": (0.02, 0.2, -50.0, 2.0, 10.0),
+    "mixed": (0.02, 0.2, -55.0, 4.0, 15.0),
+    "intrinsic": (0.02, 0.2, -55.0, 4.0, 10.0),
+}
 ISOLAS = [("bursts", "I"), ("bursts", "d"), ("bursts", "a"), ("long bursts", "I"), ("long bursts", "a")]
 
 
@@ -75,11 +82,91 @@ def test_a_gap_of_a_slow_state_is_told_where_more_is_left_of_the_event():
     survey = problem.survey(u)
     assert survey.residual == pytest.approx(2.5e-4 * (1.0 - np.exp(-0.3 * orbit.period)) / 1.0, rel=0.5)
     assert residual_fault(problem, survey, u) is not None
+    assert "a change of a segment's start grows" in residual_fault(problem, survey, u)
 
 
-def test_a_residual_is_told_with_what_grows_over_a_segment():
-    branch = continue_orbit(find_orbit(neuron("bursts"), x0=[-50.0, -10.0]), "c", (-60.0, -40.0))
-    told = [text for text in branch.stopped if "is left of the equations" in text]
-    assert told
-    assert all("a change of a segment's start grows" in text for text in told)
-    assert np.isfinite(branch.values).all()
+# which ends a branch of bursts has along each parameter, from both ends: reached, closed, or at half the period
+ALONG = [(cell, name) for cell in CELLS for name in ("I", "c", "d", "a")]
+
+
+@pytest.mark.parametrize(("cell", "name"), guarding(ALONG, ("bursts", "c"), ("mixed", "c"), ("chatter", "a")))
+def test_branches_of_bursts_go_on_through_canards(cell, name):
+    system = neuron(cell)
+    start = find_orbit(system, x0=[CELLS[cell][2], 0.2 * CELLS[cell][2]])
+    value = start.parameters[name]
+    bounds = {"I": (value - 6, value + 10), "c": (value - 10, value + 10)}.get(name, (0.5 * value, 2.0 * value))
+    branch = continue_orbit(start, name, bounds)
+    ends = ("bound reached", "the branch is closed", "the period halves")
+    assert all(text.endswith(ends) for text in branch.stopped)
+    assert not branch.audit.breaches
+
+
+def series(state, p, order):
+    """Taylor coefficients of the motion from a state, by exact arithmetic of many digits."""
+    v, u = [state[0]], [state[1]]
+    for k in range(order):
+        square = mpmath.fsum(v[i] * v[k - i] for i in range(k + 1))
+        constant = 140 + p["I"] if k == 0 else 0
+        v.append((mpmath.mpf(4) / 100 * square + 5 * v[k] - u[k] + constant) / (k + 1))
+        u.append(p["a"] * (p["b"] * v[k] - u[k]) / (k + 1))
+    return v[::-1], u[::-1]
+
+
+def fired(u, p, order=32, digits=36):
+    """How long it takes from a reset to the next spike, and the state behind it, to so many digits."""
+    at, time = (p["c"], u), mpmath.mpf(0)
+    while True:
+        v, w = series(at, p, order)
+        step = (mpmath.mpf(10) ** -digits / abs(v[0])) ** (mpmath.mpf(1) / order)
+        if mpmath.polyval(v, step) >= 30:
+            met = mpmath.findroot(lambda s: mpmath.polyval(v, s) - 30, (0, step), solver="illinois", tol=1e-90)  # noqa: B023
+            return time + met, mpmath.polyval(w, met) + p["d"]
+        at, time = (mpmath.polyval(v, step), mpmath.polyval(w, step)), time + step
+
+
+def exact(orbit):
+    """The burst nearest to an orbit, with its period and multiplier, by Newton's method on the firing map."""
+    with mpmath.workdps(50):
+        p = {name: mpmath.mpf(value) for name, value in orbit.parameters.items()}
+        u, small = mpmath.mpf(float(orbit.segments[0].state[1])), mpmath.mpf(10) ** -25
+        for _ in range(6):
+            period, ends = mpmath.mpf(0), [u, u + small]
+            for _ in orbit.segments:
+                (time, one), (_, two) = (fired(end, p) for end in ends)
+                period, ends = period + time, [one, two]
+            slope = (ends[1] - ends[0]) / small
+            step = (u - ends[0]) / (slope - 1)
+            u += step
+            if abs(step) < 1e-15:
+                break
+        return float(u), float(period), float(slope)
+
+
+@pytest.mark.parametrize("share", guarding([0.3, 0.5, 0.65, 0.75, 0.9], 0.65))
+def test_bursts_along_canards_are_those_of_many_digits(share):
+    branch = continue_orbit(find_orbit(neuron("mixed"), x0=[-55.0, -11.0]), "c", (-60.0, -45.0))
+    orbit = branch.solution(round(share * (len(branch) - 1)))
+    state, period, multiplier = exact(orbit)
+    assert orbit.segments[0].state[1] == pytest.approx(state, abs=1e-10)
+    assert orbit.period == pytest.approx(period, rel=1e-9)
+    assert orbit.multipliers[0].real == pytest.approx(multiplier, rel=1e-8, abs=1e-11)
+
+
+def test_pieces_of_a_burst_are_no_events(tmp_path):
+    branch = continue_orbit(find_orbit(neuron("bursts"), x0=[-50.0, -10.0]), "c", (-52.0, -47.0))
+    orbit = branch.solution(min((abs(value + 49.2), i) for i, value in enumerate(branch.values[:40]))[1])
+    pieces, spikes = len(orbit.durations), len(orbit.segments)
+    assert pieces > spikes == 6
+    assert orbit.signature == (("rest", "spike"),) * 6
+    assert [end for end in orbit.to_xarray()["segment_transition"].values if end] == ["spike"] * 6
+    sampled = orbit.sample()["t"].values
+    assert np.count_nonzero(np.diff(sampled) == 0.0) == 5
+    assert verify(orbit).passed
+    again = solve_orbit(
+        orbit.system, orbit.parameters, segments=[(s.mode, s.transition, s.state, s.duration) for s in orbit.segments]
+    )
+    assert again.period == pytest.approx(orbit.period, rel=1e-11)
+    orbit.save(tmp_path / "burst.nc")
+    read = load(tmp_path / "burst.nc")
+    assert read.form == orbit.form
+    assert np.array_equal(read.states, orbit.states)

@@ -25,6 +25,7 @@ from saltus.continuation.runs.sizes import other_than, upwards
 from saltus.equilibria import Equilibrium
 from saltus.errors import ConvergenceError, InputError
 from saltus.maps import MapOrbit
+from saltus.orbits.cuts import whole
 from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
@@ -370,17 +371,17 @@ def grazing_orbits(point: SpecialPoint) -> list[PeriodicOrbit]:
         raise InputError("point", point.label, "one at which two signatures of a cycle meet", hint)
     orbit = point.orbit
     problem, u = orbit.problem(), orbit.unknowns
-    found, period = [orbit], orbit.period
-    survey = problem.survey(u)
-    touching = [
-        name for name, i in timed(orbit.system, orbit.form).items() if abs(orbit.durations[i]) < TOUCHING * period
-    ]
+    if orbit.form.flies:
+        problem, u = whole(problem, u)
+    found, period, form = [orbit], orbit.period, problem.signature
+    survey, durations = problem.survey(u), u[problem.n : problem.size : problem.n + 1]
+    touching = [name for name, i in timed(orbit.system, form).items() if abs(durations[i]) < TOUCHING * period]
     touching += [] if touching else run_out(problem, u, survey)
     heights = np.ptp(np.stack([survey.lows, survey.highs]), axis=0)
     size = float(heights[: len(orbit.system.states)].max())
     touching += [
         Monitor("rate", i)
-        for i, transition in enumerate(orbit.form.transitions)
+        for i, transition in enumerate(form.transitions)
         if transition >= 0 and abs(survey.rates[i, 0]) * period < TOUCHING * size and not touching
     ]
     near = (np.abs(survey.margins) < TOUCHING * size) & (survey.places != WHOLE)

@@ -111,22 +111,24 @@ def judged_together(problem: Equations, u: NDArray[np.float64], survey: Survey) 
     if not members:
         return survey
     count, ends, transitions = problem.segments, problem.signature.transitions, problem.system.transitions
+    heads, tails = problem.signature.heads, problem.signature.tails
     for first, last in chains(members, count):
         events = {transitions[ends[j % count]].event for j in range(first, last + 1)}
         own = [k for k, transition in enumerate(transitions) if transition.event in events]
         for j in range(first, last + 1):
             survey.ahead[j % count, own] = math.nan
-            survey.behind[(j + 1) % count, own] = math.nan
+            survey.behind[tails[heads.index((j + 1) % count)], own] = math.nan
     survey.margins[members] = math.inf  # a segment without length has no inside
     durations, faults = u[problem.n : problem.size : problem.n + 1], survey.faults
     if np.all(np.delete(durations, members) > 0.0):
         faults &= ~DURATION
-    return survey._replace(faults=faults, together=tuple(members))
+    return survey._replace(faults=faults, together=tuple(tails.index(i) for i in members))
 
 
 def names_at_once(problem: Equations, survey: Survey) -> tuple[tuple[str, ...], ...]:
     """Return the names of the transitions of each instant at which an orbit has several."""
-    count, names, ends = problem.segments, problem.system.transition_names, problem.signature.transitions
+    names, ends = problem.system.transition_names, problem.signature.whole.transitions
+    count = len(ends)
     found = chains(survey.together, count)
     return tuple(tuple(names[ends[j % count]] for j in range(first, last + 1)) for first, last in found)
 

@@ -1,4 +1,4 @@
-"""Long smooth orbits cut into pieces, each of which magnifies a change of its start by little.
+"""Long smooth orbits, and flights up to events, cut into pieces that each magnify a change of their start by little.
 
 The sensitivities of a smooth orbit in one piece grow with its period, and equations, multipliers and determinants lose
 as many digits. In pieces, each with its own initial state among the unknowns, they lose those of one piece only
@@ -19,27 +19,34 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import ConvergenceError
+from saltus.orbits.maps import (
+    across_flow,
+    check_measured,
+    flight_growth,
+    landing_maps,
+    most_grown,
+    piece_maps,
+)
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END, Signature
-from saltus.scales import EPS
+from saltus.scales import EPS, SETTLED
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 __all__ = [
     "MOST_PIECES",
     "STRETCHED",
     "TAUT",
-    "across_flow",
-    "check_measured",
     "clustered",
     "cut",
     "cut_again",
     "grows_within",
     "held",
     "in_shares",
-    "piece_maps",
-    "reflector",
+    "merged",
     "squeezed",
     "started_elsewhere",
     "stretched",
@@ -48,6 +55,7 @@ __all__ = [
 
 STRETCHED = 1e3  # growth of a sensitivity over a piece, in the states' units, at which an orbit is cut
 TAUT = 30.0  # growth above which a piece is cut again once any is
+_FLOWN = SETTLED / EPS  # growth over a flight at which it is cut: a start's rounding becomes a converged Newton step
 _SLACK = 1e-4  # contraction below which a piece is cut again once any is
 _SQUEEZED = 0.5  # share of its duration at the cut below which a piece is joined with its neighbour
 _TAME = 3.0  # growth up to which a start is good enough
@@ -57,41 +65,21 @@ _LOOKED = 8  # pieces, at least, in which an orbit is looked at for growth on th
 MOST_PIECES = 128  # pieces of an orbit, beyond which its equations would be larger than they are worth
 
 
-def piece_maps(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the derivative of each piece's end in its start, in units of the states, shape (pieces, n, n).
-
-    Parameters
-    ----------
-    problem : OrbitProblem
-        The equations of a smooth orbit, in one piece or several.
-    J : ndarray, shape (size, size) or wider
-        Their Jacobian.
-    """
-    n, wide, scale = problem.n, problem.n + 1, problem.common_scale
-    maps = np.stack([J[i * wide : i * wide + n, i * wide : i * wide + n] for i in range(problem.segments)])
-    if problem.segments == 1:
-        maps = maps + np.eye(n)  # the start of the next period is that of this one
-    with np.errstate(over="ignore"):
-        return np.asarray(maps * scale / scale[:, None])
-
-
-def check_measured(maps: NDArray[np.float64]) -> None:
-    """Raise `ConvergenceError` where the derivatives of pieces are beyond all numbers."""
-    if not np.all(np.isfinite(maps)):
-        hint = "a change of its start grows beyond all numbers; start from a nearer guess"
-        raise ConvergenceError("periodic orbit", math.inf, 0, hint)
-
-
 def _growth(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.abs(piece_maps(problem, J)).max(axis=(1, 2)))
 
 
-def stretched(problem: OrbitProblem, J: NDArray[np.float64]) -> bool:
-    """Return whether a smooth orbit has a piece over which sensitivities grow so far that it is to be cut.
+def stretched(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
+    """Return whether an orbit has a piece over which sensitivities grow so far that it is to be cut.
 
-    So is a piece, once there are several, over which they shrink so far that their product loses its digits.
+    So is a piece of a smooth orbit, once there are several, over which they shrink so far that their product loses its
+    digits. A flight counts where much of what grows is left behind its event: an upstroke alone magnifies time.
     """
-    if problem.signature.kinds[0] not in (PHASE_END, CLOSED_END) or problem.segments >= MOST_PIECES:
+    if problem.segments >= MOST_PIECES:
+        return False
+    if problem.signature.flies:
+        return _flies_apart(problem, u, J)
+    if problem.signature.kinds[0] not in (PHASE_END, CLOSED_END):
         return False
     if CUT_END in problem.signature.kinds and not problem.relaxes:
         return float(_need(piece_maps(problem, J)).max()) > STRETCHED
@@ -99,6 +87,14 @@ def stretched(problem: OrbitProblem, J: NDArray[np.float64]) -> bool:
     if (float(entries.max()) + 1.0) * float(scale.max()) <= STRETCHED * float(scale.min()):
         return False
     return float(_growth(problem, J).max()) > STRETCHED
+
+
+def _flies_apart(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
+    """Return whether a change grows over a flight, and moves its landing, so far that the flight is to be cut."""
+    most = STRETCHED if problem.signature.is_cut else _FLOWN
+    if most_grown(problem, u, J) <= most or problem.conserving:
+        return False
+    return float(flight_growth(problem, u).max()) > most
 
 
 def grows_within(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
@@ -126,28 +122,6 @@ def grows_within(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.fl
     return most > STRETCHED
 
 
-def across_flow(problem: OrbitProblem, u: NDArray[np.float64], maps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the derivatives of pieces across the flow, shape (pieces, n - 1, n - 1); of forced orbits at fixed phases.
-
-    Along the flow sensitivities grow as it becomes faster, which is no instability.
-    """
-    if problem.system.phase is not None:
-        return maps[:, :-1, :-1]
-    turns = [reflector(flow / problem.common_scale) for flow in problem.flows_at_starts(u)]
-    turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
-    return np.array(turned)[:, 1:, 1:]
-
-
-def reflector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the reflection that turns a vector onto the first axis; the zero vector is left as it is."""
-    length = float(np.linalg.norm(vector))
-    if not 0.0 < length < math.inf:
-        return np.eye(vector.size)
-    v = vector / length
-    v[0] += 1.0 if v[0] >= 0.0 else -1.0
-    return np.asarray(np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v))
-
-
 def _need(maps: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return how far each piece is to be cut: its growth, or its contraction where that is as bad."""
     with np.errstate(invalid="ignore", over="ignore"):
@@ -170,7 +144,7 @@ def cut(
     fewest: int = 1,
     contraction: bool = True,
 ) -> tuple[OrbitProblem, NDArray[np.float64]]:
-    """Return the equations and unknowns of a smooth orbit in more pieces, each cut in half while it is too sensitive.
+    """Return the equations and unknowns of an orbit in more pieces, each cut in half while it is too sensitive.
 
     Parameters
     ----------
@@ -189,7 +163,9 @@ def cut(
         maps = piece_maps(problem, J)
         check_measured(maps)
         growth = np.abs(maps).max(axis=(1, 2)).astype(np.float64)
-        if problem.segments < fewest:
+        if problem.signature.flies:
+            growth = flight_growth(problem, u)
+        elif problem.segments < fewest:
             growth = np.full(problem.segments, math.inf)
         elif contraction:
             least = np.linalg.svd(maps, compute_uv=False)[:, -1]
@@ -206,11 +182,7 @@ def cut(
                 rows += [np.append(row[:n], half), np.append(problem.state_on(i, 0.5), half)]
             else:
                 rows.append(row)
-        old, count = problem.signature, len(rows)
-        signature = Signature(
-            old.modes[:1] * count, old.transitions[:1] * count, (old.kinds[0],) + (CUT_END,) * (count - 1), old.turns
-        )
-        finer = _alike(problem, u, signature)
+        finer = _alike(problem, u, problem.signature.halved(np.flatnonzero(growth > TAUT).tolist()))
         moved = np.concatenate([*rows, u[problem.size :]])
         if finer.start(moved) is not None:
             break
@@ -240,22 +212,22 @@ def squeezed(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
 def cut_again(
     problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
 ) -> tuple[OrbitProblem, NDArray[np.float64]] | None:
-    """Return the equations and unknowns of an orbit that relaxes, cut anew for its growth; None without room.
+    """Return the equations and unknowns of an orbit in pieces, cut anew for its growth; None without room.
 
     Pieces over which little grows together are joined, and what still grows is cut.
     """
-    n, heads = problem.n, _heads(piece_maps(problem, J))
+    form, n = problem.signature, problem.n
+    heads = _heads(landing_maps(problem, u, J) if form.flies else piece_maps(problem, J), form.heads)
     if len(heads) == problem.segments or 2 * len(heads) > MOST_PIECES:
         return None
     rows = u[: problem.size].reshape(problem.segments, n + 1)
     fewer = rows[heads].copy()
     fewer[:, n] = np.add.reduceat(rows[:, n], heads)
-    old, count = problem.signature, len(heads)
-    form = Signature(old.modes[:count], old.transitions[:count], old.kinds[:count], old.turns)
-    joined, moved = _alike(problem, u, form), np.concatenate([fewer.ravel(), u[problem.size :]])
+    joined, moved = _alike(problem, u, form.joined(heads)), np.concatenate([fewer.ravel(), u[problem.size :]])
     if joined.start(moved) is not None:
         return None
-    return _cut_for_growth(joined, moved, joined.evaluate(moved)[1])
+    J = joined.evaluate(moved)[1]
+    return cut(joined, moved, J) if form.flies else _cut_for_growth(joined, moved, J)
 
 
 def _cut_for_growth(
@@ -267,12 +239,15 @@ def _cut_for_growth(
     return finer, moved
 
 
-def _heads(maps: NDArray[np.float64]) -> list[int]:
-    """Return the first of each row of pieces that may be one, since little grows over all of them."""
+def _heads(maps: NDArray[np.float64], begins: Sequence[int]) -> list[int]:
+    """Return the first of each row of pieces that may be one, since little grows over all of them.
+
+    begins: pieces that no cut is before.
+    """
     heads, product = [0], maps[0]
     for i in range(1, len(maps)):
         product = maps[i] @ product
-        if not float(np.abs(product).max()) <= TAUT:
+        if i in begins or not float(np.abs(product).max()) <= TAUT:
             heads.append(i)
             product = maps[i]
     return heads
@@ -331,17 +306,22 @@ def held(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, N
 
 
 def whole(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:
-    """Return the equations and unknowns of an orbit whose smooth segments are in one piece each."""
+    """Return the equations and unknowns of an orbit whose segments are in one piece each."""
     form = problem.signature
-    if CUT_END not in form.kinds:
+    if not form.is_cut:
         return problem, u
-    rows = u[: problem.size].reshape(problem.segments, problem.n + 1)
-    merged = rows[list(form.heads)].copy()
-    merged[:, problem.n] = np.add.reduceat(rows[:, problem.n], form.heads)
     joined = _alike(problem, u, form.whole)
-    moved = np.concatenate([merged.ravel(), u[problem.size :]])
+    moved = np.concatenate([merged(form, u[: problem.size]), u[problem.size :]])
     joined.start(moved)
     return joined, moved
+
+
+def merged(form: Signature, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the unknowns of a signature as those of its segments in one piece each."""
+    rows = u.reshape(len(form), -1)
+    found = rows[list(form.heads)].copy()
+    found[:, -1] = np.add.reduceat(rows[:, -1], form.heads)
+    return found.ravel()
 
 
 def clustered(share: float) -> float:
@@ -350,17 +330,21 @@ def clustered(share: float) -> float:
 
 
 def in_shares(
-    problem: OrbitProblem, u: NDArray[np.float64], like: OrbitProblem, other: NDArray[np.float64]
+    problem: OrbitProblem, u: NDArray[np.float64], like: OrbitProblem, other: NDArray[np.float64], first: int = 0
 ) -> NDArray[np.float64]:
-    """Return a smooth orbit in one piece, gone round as often as one near it in several, in that one's pieces.
+    """Return an orbit, gone round as often as one near it in several pieces, in that one's pieces.
 
     Parameters
     ----------
     problem, like : OrbitProblem
-        The equations of both.
+        The equations of both; a smooth orbit is in one piece.
     u, other : ndarray
         Their unknowns, with the active parameters.
+    first : int, optional
+        Segment with which the orbit begins, where it has events.
     """
+    if like.signature.flies:
+        return _flights_in_shares(problem, u, like, other, first)
     n, phase = problem.n, problem.system.phase
     rows = other[: like.size].reshape(like.segments, n + 1).copy()
     period, total = float(u[n]), float(rows[:, n].sum())
@@ -373,6 +357,29 @@ def in_shares(
         if phase is not None:
             row[n - 1] += problem.system.turn * problem.signature.turns * gone
         row[n] *= rounds * period / total
+    return np.concatenate([rows.ravel(), u[problem.size :]])
+
+
+def _flights_in_shares(
+    problem: OrbitProblem, u: NDArray[np.float64], like: OrbitProblem, other: NDArray[np.float64], first: int
+) -> NDArray[np.float64]:
+    """Return what `in_shares` does of an orbit with events; it may be in pieces itself."""
+    n, form, wound = problem.n, problem.signature, problem.signature.turns * problem.system.turn
+    own, rows = u[: problem.size].reshape(-1, n + 1), other[: like.size].reshape(-1, n + 1).copy()
+    heads, tails, count = form.heads, form.tails, len(form.heads)
+    problem.survey(u)
+    for k, (begin, end) in enumerate(zip(like.signature.heads, like.signature.tails, strict=True), first):
+        a, lasting = heads[k % count], own[heads[k % count] : tails[k % count] + 1, n]
+        pieces, ends = rows[begin : end + 1], np.cumsum(lasting) / lasting.sum()
+        pieces[:, n] *= lasting.sum() / pieces[:, n].sum()
+        shares = np.append(0.0, np.cumsum(pieces[:-1, n])) / lasting.sum()
+        at = np.minimum(np.searchsorted(ends, shares, side="right"), lasting.size - 1)
+        within = np.clip(1.0 - (ends[at] - shares) * lasting.sum() / lasting[at], 0.0, 1.0)
+        pieces[0, :n] = own[a, :n]
+        for piece, j, place in zip(pieces[1:], at[1:].tolist(), within[1:].tolist(), strict=True):
+            piece[:n] = problem.state_on(a + j, clustered(place))
+        if problem.system.phase is not None:
+            pieces[:, n - 1] += wound * (k // count)
     return np.concatenate([rows.ravel(), u[problem.size :]])
 
 

@@ -23,11 +23,10 @@ from saltus.orbits.observables.outputs import sought
 from saltus.orbits.observables.sampling import column_of, motion_of, sample_orbit
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.problem import OrbitProblem, follow_from
-from saltus.orbits.rounds import drive_text, repeats_of, rounds_of
-from saltus.orbits.signature import CUT_END, Segment, Signature, Survey, events_between, path_of, signature_from
+from saltus.orbits.rounds import drive_text, repeats_of, rounds_of, winding_of
+from saltus.orbits.signature import Segment, Signature, Survey, events_between, path_of, signature_from
 from saltus.orbits.stability.floquet import multipliers, multipliers_by_order, nontrivial, unstable_count
 from saltus.orbits.unfolding import Fixed, read_fixed
-from saltus.orbits.winding import winding_of
 from saltus.result import frozen
 from saltus.solution import Solution
 from saltus.system import HybridSystem
@@ -365,10 +364,9 @@ class PeriodicOrbit(Solution):
 
     def to_xarray(self) -> xr.Dataset:
         """Return segments, multipliers, extremes and a sampled period as a Dataset."""
-        dataset = self.sample()
+        dataset, named = self.sample(), self.form.names_of_pieces(self.system)
         dataset["segment_state"] = (("segment", "state"), self.states)
         dataset["segment_duration"] = ("segment", self.durations)
-        named = np.cumsum([kind != CUT_END for kind in self.form.kinds]) - 1
         dataset["multiplier_re"] = ("multiplier", self.multipliers.real)
         dataset["multiplier_im"] = ("multiplier", self.multipliers.imag)
         dataset["x0"] = ("own_state", self.x0)
@@ -378,8 +376,8 @@ class PeriodicOrbit(Solution):
             state=list(self.system.all_states),
             own_state=list(self.system.states),
             quantity=[*self.system.all_states, *self.system.output_names],
-            segment_mode=("segment", [self.signature[i][0] for i in named]),
-            segment_transition=("segment", [self.signature[i][1] for i in named]),
+            segment_mode=("segment", [mode for mode, _ in named]),
+            segment_transition=("segment", [end for _, end in named]),
         )
         dataset.attrs |= {
             "definition": json.dumps(self.system.definition()), "parameters": json.dumps(dict(self.parameters)),

@@ -1,4 +1,4 @@
-"""Smooth orbits that are too unstable to be solved as one piece: cut, and solved again in pieces."""
+"""Orbits that are too unstable to be solved as one piece: cut, and solved again in pieces."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from saltus.errors import ConvergenceError
 from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.signature import CLOSED_END, PHASE_END
 from saltus.orbits.soundness import sound_orbit
 from saltus.scales import SETTLED
@@ -17,7 +18,7 @@ from saltus.scales import SETTLED
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["in_pieces", "solved_in_pieces"]
+__all__ = ["flown", "in_pieces", "solved_in_pieces"]
 
 _ITERATIONS = 40  # Newton steps, at most
 _OUTGROWN = 10.0  # size of a state that Newton's steps are measured by, over the orbit's own, from which it is renewed
@@ -25,11 +26,24 @@ _OUTGROWN = 10.0  # size of a state that Newton's steps are measured by, over th
 
 def in_pieces(orbit: PeriodicOrbit) -> PeriodicOrbit:
     """Return a smooth orbit cut where its sensitivities grow, solved again; the orbit itself where they do not."""
-    if orbit.form.kinds[0] not in (PHASE_END, CLOSED_END):
+    if orbit.form.kinds[0] not in (PHASE_END, CLOSED_END):  # flights are cut as they are solved
         return orbit
     problem, u = orbit.problem(), orbit.unknowns
     J = problem.evaluate(u)[1]
-    return solved_in_pieces(*cut(problem, u, J)) if stretched(problem, J) else orbit
+    return solved_in_pieces(*cut(problem, u, J)) if stretched(problem, u, J) else orbit
+
+
+def flown(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]] | None:
+    """Return equations and unknowns of flights cut where a guess is sensitive; None where it is not."""
+    if not problem.signature.flies or problem.start(u) is not None:
+        return None
+    form, u = settle_signature(problem, u)
+    if form != problem.signature:
+        problem = OrbitProblem(problem.system, form, problem.parameters_at(u), tol=problem.tol)
+        if problem.start(u) is not None:
+            return None
+    J = problem.evaluate(u)[1]
+    return cut(problem, u, J) if stretched(problem, u, J) else None
 
 
 def solved_in_pieces(problem: OrbitProblem, u: NDArray[np.float64]) -> PeriodicOrbit:

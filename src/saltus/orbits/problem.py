@@ -85,7 +85,7 @@ class OrbitProblem(Discretised):
         )
         self.modes = np.array(self.signature.modes, dtype=np.int64)
         compiled.check_powers(self.system, self.signature.modes)
-        self.kinds = np.array(self.signature.kinds, dtype=np.int64)
+        self.kinds = np.array(self.signature.rows, dtype=np.int64)
         self.transitions = np.array(self.signature.transitions, dtype=np.int64)
         self._active = np.array(self.active, dtype=np.int64)
         self.scales = np.array(self.scales, dtype=np.float64)

@@ -27,7 +27,7 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
     """
     signature, n = problem.signature, problem.n
     blocks = u[: problem.size].reshape(problem.segments, n + 1).copy()
-    if signature.kinds[0] in (PHASE_END, CLOSED_END):
+    if signature.is_cut or signature.kinds[0] in (PHASE_END, CLOSED_END):
         return signature, u
     first = int(
         np.argmax(blocks[:, n] >= (1.0 - 1e-6) * blocks[:, n].max())

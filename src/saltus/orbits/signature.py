@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BEYOND", "BOUNDARY", "CLOSED_END", "COARSE", "CUT_END", "DIRECTION", "DOMAIN", "DURATION", "EARLY", "EVENT_END",
-    "FAULTS", "MEAN_END", "ON_BORDER", "PHASE_END", "ROOT", "SECTION", "SPEED", "STOP", "TOUCH_END",
+    "FAULTS", "MEAN_END", "ONWARD_END", "ON_BORDER", "PHASE_END", "ROOT", "SECTION", "SPEED", "STOP", "TOUCH_END",
     "VALUE", "WHEN", "WHOLE", "Segment", "Signature", "Survey", "events_between", "path_of", "signature_from",
 ]  # fmt: skip
 
@@ -30,12 +31,14 @@ PHASE_END = 2  # a whole number of forcing periods
 CLOSED_END = 3  # a closed curve of an autonomous mode
 TOUCH_END = 4  # a surface is touched, and the motion goes on in the same mode
 CUT_END = 5  # a smooth orbit is cut where this piece begins; its duration over that of the piece before is fixed
+ONWARD_END = 6  # a flight up to an event is cut where this piece ends; its duration over that of the next is fixed
 
 _COUNTED = 4  # equal segments in a row from which on a signature's text counts them
 _SHOWN = 12  # most parts of a signature's text
 _MOST_TURNS = 2**31  # forcing periods in an orbit's period: kernels count them
 _WITH_EVENT = {EVENT_END, MEAN_END, TOUCH_END}
-_WITHOUT_EVENT = {PHASE_END, CLOSED_END, CUT_END}
+_OF_FLIGHTS = {EVENT_END, MEAN_END, ONWARD_END}
+_WITHOUT_EVENT = {PHASE_END, CLOSED_END, CUT_END, ONWARD_END}
 
 # Bits of what a survey finds; all but COARSE make an orbit inadmissible, for the reasons in `FAULTS`.
 DURATION = 1
@@ -106,6 +109,9 @@ class Signature:
                 raise InputError("signature's transition", transition, allowed)
             if kind == PHASE_END and system.phase is None:
                 raise InputError("signature's end", kind, "one without a phase", "the system has none")
+        for i in range(len(self)):
+            if self.kinds[i] == ONWARD_END and self.modes[i : i + 1] != self.modes[i + 1 : i + 2]:
+                raise InputError("signature's end", ONWARD_END, "one with a piece of the same mode behind it")
         if not 0 <= self.turns < _MOST_TURNS:
             raise InputError("signature's turns", self.turns, f"between 0 and {_MOST_TURNS}")
 
@@ -123,19 +129,68 @@ class Signature:
             for mode, transition in zip(whole.modes, whole.transitions, strict=True)
         )
 
-    @property
+    def names_of_pieces(self, system: HybridSystem) -> list[tuple[str, str]]:
+        """Return the (mode, transition) names of each piece's segment; where a flight goes on no transition is."""
+        names, at = self.names(system), np.searchsorted(self.heads, np.arange(len(self)), side="right") - 1
+        rows = zip((names[i] for i in at), self.kinds, strict=True)
+        return [(mode, "" if kind == ONWARD_END else end) for (mode, end), kind in rows]
+
+    @cached_property
     def heads(self) -> tuple[int, ...]:
         """Indices of the segments that do not begin at a cut."""
-        return tuple(i for i, kind in enumerate(self.kinds) if kind != CUT_END)
+        return tuple(
+            i
+            for i, kind in enumerate(self.kinds)
+            if kind != CUT_END and not (i > 0 and self.kinds[i - 1] == ONWARD_END)
+        )
 
-    @property
+    @cached_property
+    def tails(self) -> tuple[int, ...]:
+        """Indices of the segments that do not end at a cut."""
+        heads = self.heads
+        return (*(i - 1 for i in heads[1:]), len(self) - 1)
+
+    @cached_property
+    def is_cut(self) -> bool:
+        """Whether a smooth part of the orbit is cut into pieces."""
+        return CUT_END in self.kinds or ONWARD_END in self.kinds
+
+    @cached_property
+    def flies(self) -> bool:
+        """Whether all segments are flights up to events, which may be cut."""
+        return set(self.kinds) <= _OF_FLIGHTS
+
+    @cached_property
+    def rows(self) -> tuple[int, ...]:
+        """The ends of pieces as their equations have them: behind a cut none starts on the surface on which it ends."""
+        behind = (0, *self.kinds[:-1])
+        pairs = zip(self.kinds, behind, strict=True)
+        return tuple(EVENT_END if kind == MEAN_END and last == ONWARD_END else kind for kind, last in pairs)
+
+    @cached_property
     def whole(self) -> Signature:
         """The signature without cuts."""
-        if CUT_END not in self.kinds:
-            return self
-        modes, transitions, kinds = (
-            tuple(part[i] for i in self.heads) for part in (self.modes, self.transitions, self.kinds)
-        )
+        return self.joined(self.heads) if self.is_cut else self
+
+    def joined(self, firsts: Sequence[int]) -> Signature:
+        """Return the signature with pieces put together; firsts: that of each row of pieces that become one."""
+        lasts = (*(i - 1 for i in firsts[1:]), len(self) - 1)
+        ends = [j if self.kinds[i] == ONWARD_END else i for i, j in zip(firsts, lasts, strict=True)]
+        return self._of([(self.modes[i], self.transitions[i], self.kinds[i]) for i in ends])
+
+    def halved(self, pieces: Sequence[int]) -> Signature:
+        """Return the signature with some of its pieces cut in two."""
+        rows = []
+        for i, own in enumerate(zip(self.modes, self.transitions, self.kinds, strict=True)):
+            if i in pieces and own[2] in _OF_FLIGHTS:
+                rows.append((own[0], -1, ONWARD_END))
+            rows.append(own)
+            if i in pieces and own[2] not in _OF_FLIGHTS:
+                rows.append((own[0], -1, CUT_END))
+        return self._of(rows)
+
+    def _of(self, rows: Sequence[tuple[int, int, int]]) -> Signature:
+        modes, transitions, kinds = zip(*rows, strict=True)
         return Signature(modes, transitions, kinds, self.turns)
 
 

@@ -16,21 +16,22 @@ from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.maps.solve import solve_map_orbit
 from saltus.orbits.common_sizes import left_by_rounding, newton_step
-from saltus.orbits.cuts import check_measured, cut, held, piece_maps, started_elsewhere, stretched
+from saltus.orbits.cuts import cut, held, started_elsewhere, stretched
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.guesses import check_size, check_states, read_guess
 from saltus.orbits.landed import Landed, before_poles, fitted
+from saltus.orbits.maps import check_measured, piece_maps
 from saltus.orbits.observables.quantities import sizes_of_unknowns
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.pieces import in_pieces, solved_in_pieces
+from saltus.orbits.pieces import flown, in_pieces, solved_in_pieces
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.resting import guess_on_plane, on_its_plane
+from saltus.orbits.rounds import unwrapped
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.stability.floquet import nontrivial, undecided
-from saltus.orbits.winding import unwrapped
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -188,9 +189,9 @@ def _converged(
     try:
         return in_pieces(converge(system, signature, u, p, tol))
     except ConvergenceError as error:
-        if signature.kinds != (PHASE_END,) or error.args[0] == ISOLATED:
+        if error.args[0] == ISOLATED:
             raise
-        if (guess := held(problem, u)) is None:
+        if (guess := (held if signature.kinds == (PHASE_END,) else flown)(problem, u)) is None:
             raise
     return solved_in_pieces(*guess)
 
@@ -231,9 +232,9 @@ def converge(
             raise ConvergenceError(ISOLATED, error.residual, error.iterations, why) from None
         raise
     u = unwrapped(problem, u)
-    if stretched(problem, J):  # what is left of its equations is judged in pieces
+    if stretched(problem, u, J):  # what is left of its equations is judged in pieces
         check_measured(piece_maps(problem, J))
-        orbit = orbit_at(problem, u, J)
+        orbit = solved_in_pieces(*cut(problem, u, J)) if problem.signature.flies else orbit_at(problem, u, J)
     else:
         orbit = sound_orbit(problem, u, J)
     check_fields(problem)
@@ -277,7 +278,7 @@ def _converge_fixed(
         like = OrbitProblem(system, chosen, problem.parameters_at(unknowns), tol=tol)
         equations, guess = unfolded_at(like, turned, wish)
         equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
-    if stretched(equations.problem, J[:-1]):
+    if stretched(equations.problem, unknowns, J[:-1]):
         equations, guess = unfolded_at(*cut(equations.problem, unknowns, J[:-1]), wish)
         equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
     check_family(equations, unknowns, J, wish)
@@ -320,8 +321,7 @@ def solve_unknowns(
     ConvergenceError
         The steps do not converge.
     """
-    given, (most, least) = u, patience
-    u = _within_reach(problem, u)
+    given, (most, least), u = u, patience, _within_reach(problem, u)
     if problem.stiff and unfolded is None and (moved := started_elsewhere(problem, u)) is not None:
         u = _within_reach(problem, moved[1])
     evaluate = problem.evaluate if unfolded is None else unfolded.evaluate

@@ -16,7 +16,7 @@ from saltus.errors import ConvergenceError
 from saltus.orbits.landed import before_poles
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, SPEED, Survey
+from saltus.orbits.signature import EVENT_END, MEAN_END, SPEED, Survey
 from saltus.scales import (
     GUESS_ROUNDED,
     INFINITE,
@@ -97,7 +97,7 @@ def _left(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
 def _speedless(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey, values: NDArray[np.complex128]) -> bool:
     """Return whether an event at a segment's end is met without speed, so that a multiplier is infinite."""
     kinds = problem.signature.kinds
-    if CUT_END in kinds or not np.any(np.abs(values) >= INFINITE):
+    if problem.signature.is_cut or not np.any(np.abs(values) >= INFINITE):
         return False
     met = np.isin(kinds, (EVENT_END, MEAN_END))
     period = float(u[problem.n : problem.size : problem.n + 1].sum())

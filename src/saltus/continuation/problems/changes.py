@@ -43,6 +43,7 @@ def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float6
     ----------
     M. di Bernardo, C. J. Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008, ch. 8.
     """
+    problem, u = whole(problem, u)
     system = problem.system
     touches = monitor.kind in ("margin", "rate", "side")
     around = _born(problem, monitor, u, found)

@@ -23,6 +23,7 @@ from saltus.equilibria.pseudo import beside_two_fold
 from saltus.errors import InputError
 from saltus.maps import MapOrbit
 from saltus.maps.critical import Rotation
+from saltus.orbits.cuts import whole
 from saltus.orbits.observables.keeping import Keeping
 from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.orbit import PeriodicOrbit
@@ -136,6 +137,8 @@ class CriticalOrbit:
     def _grazing(self) -> tuple[OrbitProblem, NDArray[np.float64], Grazing]:
         """Return the grazing orbit in the larger signature, its unknowns, and the condition that vanishes."""
         problem, u = self.problem(self.orbit.form, self.orbit.unknowns)
+        if problem.signature.flies:
+            problem, u = whole(problem, u)
         survey = problem.survey(u)
         found = vanishing_segment(problem, u, survey)
         if found is None and (out := run_out(problem, u, survey)):

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.floquet import multiplier_errors, nontrivial, with_errors
 from saltus.scales import EPS, Verdict, zero
 
@@ -74,7 +73,7 @@ def orbit_error(self: Any, name: Monitor, point: Point) -> float:
     J = self.own(point.J)
     if clear_of_one(self.problem, point.u, J, point.examined.data.multipliers):
         return 0.0
-    if CUT_END in self.problem.signature.kinds:  # the function is the product of the multipliers' distances from 1
+    if self.problem.signature.is_cut:  # the function is the product of the multipliers' distances from 1
         return math.inf
     along = [self.monitor(name, _turned(self, point, J)) for J in (point.J, with_errors(self.problem, point.J))]
     return abs(along[1] - along[0]) if all(map(math.isfinite, along)) else math.inf

@@ -14,14 +14,14 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.errors import clear_of_one
-from saltus.orbits.cuts import piece_maps
+from saltus.orbits.maps import most_grown, piece_maps
 from saltus.orbits.rounds import divided
-from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.critical import openness
 from saltus.orbits.stability.floquet import Passage, multiplier_errors, multipliers, nontrivial, undecided
 from saltus.scales import (
     CONFIRMED,
     CROWDED,
+    EPS,
     FINEST,
     HALVES_ALIKE,
     INFINITE,
@@ -74,7 +74,10 @@ def unconfirmed(
     away = np.abs(np.abs(inner) - 1.0) if kind == "TR" else np.abs(inner - (1.0 if kind == "SN" else -1.0))
     if away.size and float(away.min()) <= CONFIRMED:
         return False
-    errors = np.maximum(multiplier_errors(problem, u, J, values)[: inner.size], RESIDUAL_ROUNDING * _speed(step))
+    rounded = RESIDUAL_ROUNDING
+    if problem.signature.is_cut:  # each step of the flow is rounded, and its piece magnifies that
+        rounded = max(rounded, EPS * problem.steps * most_grown(problem, u, J))
+    errors = np.maximum(multiplier_errors(problem, u, J, values)[: inner.size], rounded * _speed(step))
     return not np.any(away <= errors)
 
 
@@ -103,7 +106,7 @@ def residual_fault(problem: OrbitProblem, survey: Survey, u: NDArray[np.float64]
 
 def goes_twice(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> bool:
     """Return whether an orbit, just surveyed, goes round a shorter one twice; False of an orbit cut in pieces."""
-    if CUT_END in problem.signature.kinds:
+    if problem.signature.is_cut:
         return False
     return divided(problem, u, 2, HALVES_ALIKE * problem.state_scale, survey) is not None
 
@@ -119,7 +122,7 @@ def tightened(
     if problem.tol <= FINEST:
         return False
     near = split(problem.tol) * np.maximum(survey.highs - survey.lows, 0.0)[: problem.n]
-    if CUT_END not in problem.signature.kinds and divided(problem, u, 2, near, survey) is not None:
+    if not problem.signature.is_cut and divided(problem, u, 2, near, survey) is not None:
         return problem.tighten()
     return not neutral and undecided(problem, u, J, multipliers(problem, u, J)) and problem.tighten()
 

@@ -50,44 +50,51 @@ _STEP = 1e-3  # change of a state, over its size, by which it is seen how a cond
 def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], float]]:
     """Return the monitor functions of changes of signature that a survey gives: all but durations.
 
-    Each is positive on the admissible side. A ``side`` of an event in both directions has no admissible side.
+    Each is positive on the admissible side. A ``side`` of an event in both directions has no admissible side. They name
+    segments, however these are cut: a survey tells of a flight where its event is, of a smooth orbit where it begins.
     """
     found: dict[Monitor, Callable[[Survey], float]] = {}
-    system, signature = problem.system, problem.signature
-    for i, (mode, end) in enumerate(zip(signature.modes, signature.transitions, strict=True)):
+    system, signature, rows = problem.system, problem.signature.whole, _rows(problem.signature)
+    for i, (mode, end, row) in enumerate(zip(signature.modes, signature.transitions, rows, strict=True)):
         own = system.transitions[end].event if end >= 0 else ""
         for k, transition in enumerate(system.transitions):
             if transition.source == system.mode_names[mode]:
                 if end >= 0 and transition.event != own:
-                    found[Monitor("ahead", i, k)] = lambda s, at=(i, k): float(s.ahead[at])  # type: ignore[misc]
+                    found[Monitor("ahead", i, k)] = lambda s, at=(row, k): float(s.ahead[at])  # type: ignore[misc]
                 if signature.transitions[i - 1] >= 0:
-                    found[Monitor("behind", i, k)] = lambda s, at=(i, k): float(s.behind[at])  # type: ignore[misc]
+                    found[Monitor("behind", i, k)] = lambda s, at=(row, k): float(s.behind[at])  # type: ignore[misc]
                 if transition.when is not None and k not in system.velocity_conditions:
-                    found[Monitor("unmet", i, k)] = lambda s, at=(i, k): float(s.unmet[at])  # type: ignore[misc]
-                found[Monitor("margin", i, k)] = lambda s, at=(i, k): (  # type: ignore[misc]
+                    found[Monitor("unmet", i, k)] = lambda s, at=(row, k): float(s.unmet[at])  # type: ignore[misc]
+                found[Monitor("margin", i, k)] = lambda s, at=(row, k): (  # type: ignore[misc]
                     float(s.margins[at]) if s.places[at] != WHOLE else math.inf
                 )
-                found[Monitor("side", i, k)] = lambda s, at=(i, k): (  # type: ignore[misc]
+                found[Monitor("side", i, k)] = lambda s, at=(row, k): (  # type: ignore[misc]
                     float(s.margins[at]) if s.places[at] == WHOLE else math.nan
                 )
         if end >= 0:
             way = float(system.transitions[end].direction or -1)
-            found[Monitor("rate", i)] = lambda s, i=i, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
+            found[Monitor("rate", i)] = lambda s, i=row, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
             if system.transitions[end].when is not None and end not in system.velocity_conditions:
-                found[Monitor("condition", i)] = lambda s, i=i: float(s.rates[i, 3])  # type: ignore[misc]
+                found[Monitor("condition", i)] = lambda s, i=row: float(s.rates[i, 3])  # type: ignore[misc]
     return found
 
 
+def _rows(signature: Signature) -> tuple[int, ...]:
+    """Return the row of each segment in a survey."""
+    return signature.tails if signature.flies else signature.heads
+
+
 def timed(system: HybridSystem, signature: Signature) -> dict[Monitor, int]:
-    """Return the monitor functions of segments whose duration may vanish, each with the index of its segment.
+    """Return the monitor functions of segments whose duration may vanish, each with the index of its last piece.
 
     Between two events at fixed phases no time can vanish: it is a share of the period, or nothing all along.
     """
     if len(signature.heads) < 2:
         return {}
-    fixed = [k >= 0 and _at_fixed_phases(system, k) for k in signature.transitions]
-    ends = [i for i, kind in enumerate(signature.kinds) if kind in (EVENT_END, MEAN_END)]
-    return {Monitor("duration", i): i for i in ends if not (fixed[i] and fixed[i - 1])}
+    form, tails = signature.whole, signature.tails
+    fixed = [k >= 0 and _at_fixed_phases(system, k) for k in form.transitions]
+    ends = [i for i, kind in enumerate(form.kinds) if kind in (EVENT_END, MEAN_END)]
+    return {Monitor("duration", i): tails[i] for i in ends if not (fixed[i] and fixed[i - 1])}
 
 
 def _at_fixed_phases(system: HybridSystem, k: int) -> bool:
@@ -98,7 +105,7 @@ def _at_fixed_phases(system: HybridSystem, k: int) -> bool:
 
 def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> float:
     """Return a monitor function of kind ``side`` for an orbit that may be corrected roughly only."""
-    return problem.distance(u, monitor.segment, monitor.transition)[0]
+    return problem.distance(u, problem.signature.heads[monitor.segment], monitor.transition)[0]
 
 
 def _stays(problem: OrbitProblem, name: Monitor, values: tuple[float, float]) -> bool:
@@ -109,13 +116,17 @@ def _stays(problem: OrbitProblem, name: Monitor, values: tuple[float, float]) ->
     if name.kind not in ("ahead", "behind") or not abs(values[1]) < math.inf:
         return False
     place = float(name.kind == "ahead")
-    size = problem.event_size(name.transition, problem.state_on(name.segment, place))
+    piece = (problem.signature.tails if place else problem.signature.heads)[name.segment]
+    size = problem.event_size(name.transition, problem.state_on(piece, place))
     error = followed(problem.tol) * size
     return all(math.isnan(value) or zero(value, error) is not Verdict.NO for value in values)
 
 
 def run_out(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> list[Monitor]:
-    """Return the monitor functions of conditions, and of further events at segments' ends, that vanish at an orbit."""
+    """Return the monitor functions of conditions, and of further events at segments' ends, that vanish at an orbit.
+
+    The orbit's segments are in one piece each.
+    """
     found = []
     for i, k in enumerate(problem.signature.transitions):
         if k < 0:
@@ -145,8 +156,10 @@ def still_ahead(problem: OrbitProblem, monitors: dict[Monitor, float], survey: S
     same = None if data is None else data.survey.counts
     if same is not None and same.shape != survey.counts.shape:
         same = None
+    rows = _rows(problem.signature)
     for name, value in monitors.items():
-        other = name.kind == "unmet" and same is not None and same[name[1:3]] != survey.counts[name[1:3]]
+        at = (rows[name.segment], name.transition) if name.kind == "unmet" else (0, 0)
+        other = name.kind == "unmet" and same is not None and same[at] != survey.counts[at]
         earlier = known.get(name, math.nan)
         passed = name.kind in _MET and value < 0.0 and not earlier > 0.0
         if other or passed or (before is not None and _stays(problem, name, (earlier, value))):

@@ -35,7 +35,6 @@ from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.quantities import read_quantity
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
-from saltus.orbits.signature import CUT_END
 from saltus.orbits.stability.floquet import (
     Passage,
     doubling_determinant,
@@ -103,7 +102,6 @@ class OrbitZeroProblem:
         self._resting = False  # whether the parameter rests in the last step
         self._crossed: int | None = None  # equal multipliers that cross the unit circle at once in the last step
         self._adjust(u)
-        kinds = problem.signature.kinds
         self._durations = timed(problem.system, problem.signature)
         self._simple: dict[Monitor, Callable[[Point], float]] = {
             _LOW: lambda point: beyond(point.parameter - interest.low),
@@ -112,7 +110,7 @@ class OrbitZeroProblem:
             _PD: lambda point: self._sized(_PD, *doubling_determinant(problem, self.own(point.J)), point),
             _BP: lambda point: self._sized(_BP, point.sign, point.log, point),
         }
-        if CUT_END in kinds:
+        if problem.signature.is_cut:
             # products of multipliers leave out the trivial one exactly, determinants to the flow's tolerance only
             self._simple[_SN] = lambda point: point.sign * self._product(_SN, point, 1.0)
             self._simple[_PD] = lambda point: self._product(_PD, point, -1.0)
@@ -275,7 +273,7 @@ class OrbitZeroProblem:
             problem.set_parameters(point.u)
             fault = DOUBT if several else None
         single = [name for name in monitors if name.kind in ("PD", "BP", "TR")] if several is False else []
-        if CUT_END in problem.signature.kinds and not several:
+        if problem.signature.is_cut and not several:
             # products of distances change by powers of ten; what the multipliers do is known
             both = (*before.examined.data.followed, *followed)
             far = len(followed) > 1 or all(circle_tests([value]).far for value in both)
@@ -289,7 +287,7 @@ class OrbitZeroProblem:
 
     def _sharpen(self, point: Point) -> None:
         """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers."""
-        if CUT_END not in self.problem.signature.kinds:
+        if not self.problem.signature.is_cut:
             return
         from saltus.system.numba_tools.linear import bordered
 
@@ -304,7 +302,7 @@ class OrbitZeroProblem:
     def _measured(self, point: Point) -> dict[Monitor, float]:
         """Return the monitors that need no survey; the SN monitor is 0 where the parameter rests."""
         monitors = {name: value(point) for name, value in self._simple.items()}
-        if CUT_END not in self.problem.signature.kinds and abs(monitors.get(_SN, 1.0)) < scales.PARAMETER_RESTS:
+        if not self.problem.signature.is_cut and abs(monitors.get(_SN, 1.0)) < scales.PARAMETER_RESTS:
             monitors[_SN] = 0.0
         return monitors
 
@@ -351,8 +349,8 @@ class OrbitZeroProblem:
 
     def leading(self, names: list[Monitor]) -> list[Monitor]:
         """Return the names without those that vanish only since a neighbouring segment has no length."""
-        vanishing = [self._durations[name] for name in names if name in self._durations]
-        return without_shadows(names, vanishing, self.problem.segments)
+        vanishing = [name.segment for name in names if name in self._durations]
+        return without_shadows(names, vanishing, len(self.problem.signature.heads))
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
         """Return the events without shadows of others, or the reason why the step is rejected.

@@ -15,7 +15,6 @@ from saltus.continuation.core.interest import Interest
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Examined, Point
 from saltus.continuation.problems.orbit import OrbitZeroProblem
-from saltus.orbits.signature import CUT_END
 from saltus.scales import FAMILY_STAYS
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ class QuantityZeroProblem(OrbitZeroProblem):
         if self.neutral:
             self._simple.pop(_SN)
             self.noise = {}
-        elif CUT_END not in self.problem.signature.kinds:
+        elif not self.problem.signature.is_cut:
             self._simple[_SN] = lambda point: float(point.tangent[size])
 
         for i, (_, kind, value) in enumerate(interest.events):

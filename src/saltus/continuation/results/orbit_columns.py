@@ -23,7 +23,7 @@ from saltus.orbits.observables.sampling import motion_of
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.orbit import orbit_at
 from saltus.orbits.problem import OrbitProblem, follow_from
-from saltus.orbits.signature import CUT_END, Signature
+from saltus.orbits.signature import Signature
 from saltus.orbits.unfolding import Fixed
 from saltus.result import frozen
 from saltus.scales import FINEST
@@ -371,7 +371,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
 
         Of a cycle that is cut they come with the flow's directions, which the field does not give at an equilibrium.
         """
-        return self.multipliers[index] if CUT_END in problem.signature.kinds else None
+        return self.multipliers[index] if problem.signature.is_cut else None
 
     def _fixed(self, index: int) -> Fixed | None:
         """Return what is fixed of one point's orbit, and what is freed; None along parameters."""

@@ -175,9 +175,9 @@ def parted(branch: OrbitZeroProblem, point: Point, equations: Equations) -> Beyo
 
     An event that now comes before the one that is before it in the signature has a negative duration.
     """
-    problem, u = branch.problem, point.u
     if not point.examined.data.survey.faults & DURATION:
         return None
+    problem, u = whole(branch.problem, point.u)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     i = int(np.argmin(blocks[:, -1]))
     problem.survey(u)
@@ -363,6 +363,8 @@ def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
     sums = [i for i, k in enumerate(signature.transitions) if k >= 0 and system.transitions[k].sums]
     if not sums:
         return False
+    if signature.is_cut:
+        return summed_late(*whole(problem, u))
     problem.survey(u)
     for i in sums:
         k, before = signature.transitions[i], i - 2
@@ -378,7 +380,7 @@ def sums_up(problem: OrbitProblem, name: Monitor) -> bool:
     """Return whether a condition is that under which impacts are summed up, with which no motion changes."""
     if name.kind != "condition":
         return False
-    return problem.system.transitions[problem.signature.transitions[name.segment]].sums
+    return problem.system.transitions[problem.signature.whole.transitions[name.segment]].sums
 
 
 def turns_back(points: Sequence[tuple[OrbitZeroProblem, Point]], beyond: Point) -> bool:
@@ -406,7 +408,7 @@ def _ranges(point: Point, count: int) -> NDArray[np.float64]:
 
 def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
     """Return whether a point is admissible and all its monitor functions of grazings are on that side."""
-    transitions, ends = problem.system.transitions, problem.signature.transitions
+    transitions, ends = problem.system.transitions, problem.signature.whole.transitions
     grazings = []
     for name, value in point.examined.monitors.items():
         if not at_grazing(name) or math.isnan(value):
@@ -424,7 +426,8 @@ def _grazes_on(problem: OrbitProblem, point: Point) -> bool:
     Its equations then follow a motion that touches a surface all along, which no impact makes an orbit of its own.
     """
     period = float(np.abs(point.u[problem.n : problem.size : problem.n + 1]).sum())
-    ends = [name.segment for name in point.examined.monitors if name.kind == "rate"]
+    tails = problem.signature.tails
+    ends = [tails[name.segment] for name in point.examined.monitors if name.kind == "rate"]
     return any(
         speed_at(problem, problem.signature.transitions[i], problem.state_on(i, 1.0), period) <= followed(problem.tol)
         for i in ends

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.problems.ends.closure import alongside
+from saltus.orbits.cuts import merged
 from saltus.scales import SAME_POINT
 
 if TYPE_CHECKING:
@@ -53,7 +54,8 @@ def unless_followed(half: OneSide, went: Beyond | str) -> Beyond | str:
     form = went[0].problem.signature.whole
     for old in before:
         pieces = [half.points[i][0].problem for i in (old.after - 1, old.after, old.after + 1) if i < len(half.points)]
-        fitting = next((problem for problem in pieces if problem.size == own.solution.unknowns.size), None)
+        whole = own.solution.form.whole
+        fitting = next((problem for problem in pieces if problem.signature.whole == whole), None)
         followed = any(problem.signature.whole == form for problem in pieces)
         if followed and fitting is not None and _same(fitting, own, old):
             return "from which on the branch is followed already"
@@ -63,13 +65,15 @@ def unless_followed(half: OneSide, went: Beyond | str) -> Beyond | str:
 def _same(problem: OrbitProblem, found: Found, other: Found) -> bool:
     """Return whether two special points of a branch are one, within the error of both.
 
-    problem: equations with as many unknowns.
+    problem: equations whose segments, in one piece each, have as many unknowns.
     """
-    one, two = found.solution, other.solution
-    if found is other or found.name != other.name or one.form != two.form or one.unknowns.size != problem.size:
+    one, two, wide = found.solution, other.solution, problem.n + 1
+    form = one.form.whole
+    if found is other or found.name != other.name or form != two.form.whole or form != problem.signature.whole:
         return False
-    scale = np.tile(np.append(problem.state_scale, one.period), problem.segments)
-    apart = np.abs(alongside(problem, two.unknowns, one.unknowns) - one.unknowns) / scale
+    own, its = merged(one.form, one.unknowns), merged(two.form, two.unknowns)
+    scale = np.tile(np.append(problem.state_scale, one.period), own.size // wide)
+    apart = np.abs(alongside(problem, its, own) - own) / scale
     size = max(abs(value) for value in one.parameters.values())
     moved = max(abs(one.parameters[name] - two.parameters[name]) for name in one.parameters)
     return bool(max(np.max(apart), moved / size) < max(SAME_POINT, problem.tol))

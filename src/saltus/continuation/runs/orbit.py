@@ -164,7 +164,7 @@ class OrbitRun(OneParameterRun):
         except ValueError as error:
             value = float(u[-1]) * self.scale
             raise self.irregular("periodic orbit", value, error, self.advice()) from None
-        if stretched(branch.problem, point.J):
+        if stretched(branch.problem, point.u, point.J):
             problem, u = cut(branch.problem, point.u, point.J)
             branch = self.zero_problem(problem, u)
             point = start_point(branch, u)

@@ -45,13 +45,15 @@ def in_more_pieces(
         Most pieces.
     """
     elsewhere = again = None
-    if branch.problem.relaxes and (stretched(branch.problem, item.J) or squeezed(branch.problem, item.u)):
+    tense = stretched(branch.problem, item.u, item.J)
+    renewed = branch.problem.relaxes or branch.problem.signature.flies
+    if renewed and (tense or squeezed(branch.problem, item.u)):
         again = cut_again(branch.problem, item.u, item.J)
     if again is not None:
         problem, u = again
     elif grows_within(branch.problem, item.u, item.J):
         problem, u = cut(branch.problem, item.u, item.J)
-    elif stretched(branch.problem, item.J):
+    elif tense:
         elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff else None
         problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
     else:

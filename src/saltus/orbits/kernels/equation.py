@@ -10,7 +10,7 @@ from numba import int64
 
 from saltus.flow.kernels.segment import EVENT_P, EVENT_X, FIELD, VARY, Segment, Sensitive, flow
 from saltus.orbits.records import Mesh, Orbit
-from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END
+from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, ONWARD_END, PHASE_END, TOUCH_END
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import kernel, njit
 from saltus.system.numba_tools.pointers import INNER, call, invoke, keep, outlined, pointer
@@ -180,6 +180,10 @@ def equations(orbit, mesh, phase, tolerances, u, F, J, errors):
             F[last] = shares[i - 1] * piece.duration - shares[i] * start[row - 1]
             line[last] += shares[i - 1]
             line[row - 1] -= shares[i]
+        elif kind == ONWARD_END:
+            F[last] = shares[i + 1] * piece.duration - shares[i] * start[piece.following + n]
+            line[last] += shares[i + 1]
+            line[piece.following + n] -= shares[i]
         else:
             F[last] = _on_plane(pointer(phase.anchor, 2 * n * i), pointer(start, row), n, pointer(line, row))
     if orbit.laws.shape[0] > 0:

@@ -44,10 +44,10 @@ class Surface(NamedTuple):
 
 
 @njit(**INNER)
-def margin(view, curve, k, head, transition, before, there, closed, room, found):
+def margin(view, curve, k, row, transition, before, there, closed, room, found):
     """Note how near a segment comes to the surface of transition `k`; return BEYOND and EARLY where they are due.
 
-    head: the segment. transition, before: the events at its end and at its start. there: whether the orbit has event k
+    row: that of the segment in `found`. transition, before: the events at its end and at its start. there: whether the orbit has event k
     at the same time as these, behind the one at the end or before the one at the start. closed: whether it has none.
     """
     outlined()
@@ -60,7 +60,7 @@ def margin(view, curve, k, head, transition, before, there, closed, room, found)
             view.functions[GUARD], view.modes + k, 0, pointer(curve.nodes, curve.count * view.n), 0, view.p, room.one, 0
         )
         if room.one[0] > 0.0:
-            found.distances[head * view.transitions + k] = side * height[total]
+            found.distances[row * view.transitions + k] = side * height[total]
     ends = there[0] or (transition >= 0 and view.alike[k] == view.alike[transition])
     begins = there[1] or (before >= 0 and view.alike[k] == view.alike[before])
     # the side to which the segment leaves
@@ -68,13 +68,13 @@ def margin(view, curve, k, head, transition, before, there, closed, room, found)
     if not closed and not begins and side * height[1] < side * height[0]:
         call(view.functions[GUARD], view.modes + k, 0, curve.nodes, 0, view.p, room.one, 0)
         if room.one[0] > 0.0:
-            found.behind[head * view.transitions + k] = -side * height[0]
+            found.behind[row * view.transitions + k] = -side * height[0]
     size, top, bottom = 0.0, height[0], height[0]
     for j in range(total + 1):
         size = max(size, abs(height[j]))
         top, bottom = max(top, height[j]), min(bottom, height[j])
     call(view.functions[EVENT_X], k, 0, curve.nodes, 0, view.p, room.slope, 0)
-    reach, at, bad = 0.0, head * view.transitions + k, 0
+    reach, at, bad = 0.0, row * view.transitions + k, 0
     for e in range(view.n):
         reach += abs(room.slope[2 + e]) * view.sizes[e]
     small = 1e-9 * (1e-3 * reach + size)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import int64
 
-from saltus.orbits.signature import CLOSED_END, PHASE_END
+from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END
 from saltus.scales import ALIGNED
 from saltus.system.numba_tools.linear import solve_flat
 from saltus.system.numba_tools.machine_code import kernel, njit
@@ -120,6 +120,32 @@ def _quotient(P, R, vector, n, left, right, image, work):
         for a in range(n):
             image[a] = P[a * n]
     _reflect(image, P, R, n, n, work)
+
+
+@kernel
+def landing(J, kinds, n, sizes, period):
+    """Return how far a change of a segment's start may grow until its event, in any direction or in time.
+
+    That is the largest norm of a segment's map onto its landing with the event's delay; inf where it is none. States are
+    taken in units of `sizes`, (n,), times in those of `period`. A segment without an event has a given duration.
+    """
+    segments, width, entries, most = kinds.size, J.shape[1], pointer(J, 0), 0.0
+    for i in range(segments):
+        row = i * (n + 1)
+        first, last = pointer(entries, row * width + row), pointer(entries, (row + n) * width + row)
+        ends, grown, later = kinds[i] == EVENT_END or kinds[i] == MEAN_END, 0.0, 0.0
+        for b in range(n):
+            delay = -last[b] / last[n] if ends else 0.0
+            time = delay * sizes[b] / period
+            later += time * time
+            for a in range(n):
+                value = first[a * width + b] + (1.0 if segments == 1 and a == b else 0.0)
+                value = (value + first[a * width + n] * delay) * sizes[b] / sizes[a]
+                grown += value * value
+        if not grown + later < np.inf:
+            return np.inf
+        most = max(most, grown + later)
+    return math.sqrt(most)
 
 
 @njit(cache=True, error_model="numpy")

@@ -25,6 +25,7 @@ from saltus.orbits.signature import (
     DOMAIN,
     DURATION,
     MEAN_END,
+    ONWARD_END,
     PHASE_END,
     ROOT,
     TOUCH_END,
@@ -52,7 +53,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
     segments, transitions, kinds = system.segments, system.transitions, system.kinds
     period, most, pieces = total_duration(u, segments, n), _most_samples(kinds, starts, segments), 0
     for i in range(segments):
-        pieces += 1 if kinds[i] == CUT_END else 0
+        pieces += 1 if kinds[i] == CUT_END or kinds[i] == ONWARD_END else 0
     # what the pieces of a smooth orbit that is cut are put together in, as one segment
     joined = np.empty((most // FINE + 2) * (8 * n + 1) if pieces > 0 else 0)
     block = np.empty(5 * n + 4 + max(events.outputs, 2) + (n + events.outputs + events.sources.size) * most)
@@ -79,20 +80,22 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         piece, first, count = piece_at(system, i, u, period), starts[i], starts[i + 1] - starts[i] - 1
         nodes, coefficients = pointer(curves.nodes, first * n), pointer(curves.coefficients, first * 7 * n)
         curve = Curve(piece.mode, piece.duration, pointer(mesh.places, first), count, nodes, coefficients)
+        if not _goes_on(kinds, i):
+            head, steps = i, int64(0)
         bad |= _followed(view, piece, curve, u, tolerances, room)
         add_moments(view, curve, begun, start, turns, room, found.moments)
         begun += piece.duration
-        bad |= _ended(view, piece, curve, u, (wound, orbit.angles), tolerances, room, pointer(found.rates, 4 * i))
+        begin, rates = pointer(u, head * (n + 1)), pointer(found.rates, 4 * i)
+        bad |= _ended(view, piece, curve, u, begin, (wound, orbit.angles), tolerances, room, rates)
         _unmet(found, i * view.transitions, view.transitions)
-        if kinds[i] != CUT_END:
-            head, steps = i, int64(0)
         if piece.transition >= 0 and piece.kind != TOUCH_END:
             following, rate = system.modes[i + 1 if i + 1 < segments else 0], found.rates[4 * i]
             at_one_time(system, at_once, i, view.transitions, at_one)
-            bad |= together(view, piece, following, curve, head, rate, at_one, room, found)
-        if head < i or (i + 1 < segments and kinds[i + 1] == CUT_END):
+            bad |= together(view, piece, following, curve, i, rate, at_one, room, found)
+        onward = i + 1 < segments and _goes_on(kinds, i + 1)
+        if head < i or onward:
             steps = _append(pointer(joined, 0), most // FINE + 2, curve, n, steps, i - head)
-            if i + 1 < segments and kinds[i + 1] == CUT_END:
+            if onward:
                 continue
             nodes = pointer(joined, most // FINE + 2)
             coefficients = pointer(nodes, (most // FINE + 2) * n)
@@ -101,14 +104,16 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         if events.phase and not found_zero:
             found_zero = _reached(view, curve, target, room, found.x0)
         _extremes(view, curve, room, found)
-        before = transitions[i - 1 if i > 0 else segments - 1]
+        before = transitions[(head if head > 0 else segments) - 1]
+        # a flight is told of where its event is
+        row = i if piece.transition >= 0 else head
         closed = kinds[head] == PHASE_END or kinds[head] == CLOSED_END
         at_one_time(system, at_once, i, view.transitions, at_one)
         at_one_time(system, at_once, (head if head > 0 else segments) - 1, view.transitions, at_start)
         for k in range(view.transitions):
             if view.sources[k] == piece.mode:
                 there = at_one[k] != 0, at_start[k] != 0
-                bad |= margin(view, curve, k, head, piece.transition, before, there, closed, room, found)
+                bad |= margin(view, curve, k, row, piece.transition, before, there, closed, room, found)
     _without_values(found, n, n + view.outputs)
     if not events.phase or not found_zero:
         for e in range(n):
@@ -144,11 +149,17 @@ def _without_values(found, states, quantities):
 
 
 @njit(**INNER)
+def _goes_on(kinds, i):
+    """Whether a piece begins where its segment is cut."""
+    return kinds[i] == CUT_END or (i > 0 and kinds[i - 1] == ONWARD_END)
+
+
+@njit(**INNER)
 def _most_samples(kinds, starts, segments):
     """Return the most fine samples that a segment, put together where it is cut, has."""
     most, longest = 0, 0
     for i in range(segments):
-        longest = starts[i + 1] - starts[i] - 1 + (longest if kinds[i] == CUT_END else 0)
+        longest = starts[i + 1] - starts[i] - 1 + (longest if _goes_on(kinds, i) else 0)
         most = max(most, FINE * longest + 1)
     return most
 
@@ -258,10 +269,10 @@ def _followed(view, piece, curve, u, tolerances, room):
 
 
 @njit(**INNER)
-def _ended(view, piece, curve, u, closing, tolerances, room, rates):
+def _ended(view, piece, curve, u, begin, closing, tolerances, room, rates):
     """Write a segment's row of `Found.rates`; return DIRECTION, WHEN and ROOT where they are due.
 
-    closing: angle of the phase in the period, and the states on a circle.
+    begin: state at its start. closing: angle of the phase in the period, and the states on a circle.
     """
     outlined()
     functions, p, n, transition, following = view.functions, view.p, view.n, piece.transition, piece.following
@@ -298,7 +309,7 @@ def _ended(view, piece, curve, u, closing, tolerances, room, rates):
             bad |= WHEN
         if piece.kind != TOUCH_END and _under_root(view, view.modes + transition, end, tolerances, room):
             bad |= ROOT
-        call(functions[EVENT], transition, 0, curve.nodes, 0, p, one, 0)
+        call(functions[EVENT], transition, 0, begin, 0, p, one, 0)
         rates[1] = one[1]
     return bad
 

@@ -16,10 +16,10 @@ DUE = 2  # behind that one
 
 
 @njit(**INNER)
-def together(view, piece, following, curve, head, rate, instant, room, found):
+def together(view, piece, following, curve, row, rate, instant, room, found):
     """Return EARLY where another event happens at a segment's end before its own event, or behind that one at once.
 
-    following: mode of the next segment. head: the segment. rate: of the event function at the segment's end. instant:
+    following: mode of the next segment. row: that of the segment in `Found`. rate: of the event function at the segment's end. instant:
     the events of the orbit at the same time, as `at_one_time` notes them: these do happen.
     """
     outlined()
@@ -31,7 +31,7 @@ def together(view, piece, following, curve, head, rate, instant, room, found):
     for k in range(view.transitions):
         if k == transition or instant[k] == MADE or view.idle[k] or view.alike[k] != view.alike[transition]:
             continue
-        direction, at = view.directions[k], head * view.transitions + k
+        direction, at = view.directions[k], row * view.transitions + k
         is_first = view.sources[k] == mode and k < transition and direction * way >= 0.0
         if is_first and not _opposite(view, k, transition, end, room):
             bad |= holds(view, k, end, at, room, found)

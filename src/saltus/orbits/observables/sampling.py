@@ -10,8 +10,7 @@ import numpy as np
 
 from saltus import checks, scales as judged
 from saltus.flow.stretch import POWERS_OF_TERMS, Motion, angle_of, clustered_clocks, dense_states
-from saltus.orbits.signature import CUT_END
-from saltus.orbits.winding import rotating_of
+from saltus.orbits.rounds import rotating_of
 from saltus.system.evaluate import evaluate
 from saltus.system.own_states import absent_states
 
@@ -218,6 +217,7 @@ def followed(
         Indices of the modes.
     """
     steps, form = steps_of(problem), problem.signature
+    heads = form.heads
     durations = u[: problem.size].reshape(problem.segments, problem.n + 1)[:, problem.n]
     begun, whole = 0.0, max(float(np.abs(durations).sum()), 1e-300)
     times, states, modes = [], [], []
@@ -231,7 +231,7 @@ def followed(
         modes.append(np.full(count + 1, mode))
         begun += duration
         times[-1][-1] = begun
-        if form.kinds[index] == CUT_END:  # a cut is no place of its own
+        if index not in heads:  # a cut is no place of its own
             times[-2], states[-2], modes[-2] = times[-2][:-1], states[-2][:-1], modes[-2][:-1]
     table, places = np.concatenate(states), np.concatenate(modes)
     for mode in np.unique(places).tolist():

@@ -27,9 +27,9 @@ from saltus.flow.formulas import check_rotating
 from saltus.orbits.observables.gradients import followed
 from saltus.orbits.observables.observed import Differentiated, planned
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.rounds import rotating_of
 from saltus.orbits.stability.critical import scaling, touched
 from saltus.orbits.stability.multiplier_slopes import MultiplierSlopes, multipliers_by_parameters
-from saltus.orbits.winding import rotating_of
 from saltus.scales import SINGULAR
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import numpy as np
 
 from saltus import scales
 from saltus.orbits.coincidences import at_one_instant, chains, commute, orders, shortest_is_brief
-from saltus.orbits.cuts import piece_maps, reflector
-from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END
+from saltus.orbits.maps import across_flow, landing_maps, piece_maps, reflector
+from saltus.orbits.signature import CLOSED_END, PHASE_END
 from saltus.system.integrals.laws import Leaf
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def multipliers(
     Dankowicz and Schilder, Recipes for Continuation, SIAM 2013, ch. 9; Leine and Nijmeijer, Dynamics and Bifurcations
     of Non-Smooth Mechanical Systems, Springer 2004, ch. 7.
     """
-    if CUT_END in problem.signature.kinds:
+    if problem.signature.is_cut:
         problem.set_parameters(u)
         return _of_pieces(problem, u, J, flows)
     own = _of_segments(problem, u, J)
@@ -219,7 +219,13 @@ def _without_rounding(
 def _of_pieces(
     problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], flows: NDArray[np.float64] | None
 ) -> NDArray[np.complex128]:
-    """Return the multipliers of a smooth orbit that is cut, largest modulus first, the trivial one last."""
+    """Return the multipliers of an orbit that is cut, largest modulus first, the trivial one last."""
+    if problem.signature.flies:
+        maps = landing_maps(problem, u, J)
+        if not np.all(np.isfinite(maps)):
+            return np.full(problem.n, np.nan + 0j)[problem.system.phase is not None :]
+        values = _of_product(across_flow(problem, u, maps))
+        return np.append(values, 1.0) if problem.system.phase is None else values
     maps, scale = piece_maps(problem, J), problem.common_scale
     left = np.arange(problem.n)
     if problem.conserving:

@@ -11,7 +11,7 @@ import numpy as np
 from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.core.closing import Passed, between, passed, reach
 from saltus.continuation.core.zero_problem import Point, ZeroProblem
-from saltus.orbits.cuts import clustered
+from saltus.orbits.cuts import clustered, in_shares
 from saltus.orbits.signature import EVENT_END, MEAN_END, PHASE_END
 from saltus.scales import EPS, SAME_POINT
 from saltus.system.angles import TURN, wrapped
@@ -131,12 +131,17 @@ def _phases(problem: OrbitProblem, start: tuple[OrbitProblem, Point], last: Poin
         for j in range(int(alike), signature.turns):
             yield forced.begun_at(j / signature.turns)
         return
-    blocks = origin.u[:size].reshape(problem.segments, n + 1)
+    blocks, form = origin.u[: begun.size].reshape(begun.segments, n + 1), signature.whole
     # of events on one surface in a row the first alone ends where its function vanishes, wherever an orbit starts
-    kinds = tuple(EVENT_END if kind == MEAN_END else kind for kind in signature.kinds)
-    parts = (signature.modes, signature.transitions, kinds)
-    for j in range(1, problem.segments):
+    kinds = tuple(EVENT_END if kind == MEAN_END else kind for kind in form.kinds)
+    parts = (form.modes, form.transitions, kinds)
+    for j in range(int(alike), len(form)):
         if all(part[j:] + part[:j] == part for part in parts):
+            if signature.is_cut or begun.signature.is_cut:
+                u = np.append(origin.u[: begun.size], origin.u[active])
+                moved = in_shares(begun, u, problem, last.u, j)[:size]
+                yield replace(origin, u=np.append(moved, origin.u[begun.size :]), tangent=np.zeros(0))
+                continue
             turned = blocks.copy()
             if problem.system.phase is not None:
                 turned[:j, n - 1] += problem.system.turn * signature.turns

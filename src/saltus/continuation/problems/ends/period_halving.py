@@ -55,7 +55,7 @@ def halved(branch: OrbitZeroProblem, point: Point) -> Point | None:
     if doubling is None or abs(doubling.point.parameter - point.parameter) > DOUBLING_AT_HALVING:
         return None
     u = _twice(problem, doubling.point.u)
-    if old.segments > len(signature) == 1 and signature.kinds[0] in (PHASE_END, CLOSED_END):
+    if old.signature.is_cut:
         u = in_shares(problem, doubling.point.u, old, point.u)
     old.start(u)
     found = Point(u, branch.evaluate(u)[1], point.tangent, point.weights, point.sign, point.log, 0.0, 1, point.arc)

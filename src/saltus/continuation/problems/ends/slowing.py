@@ -44,13 +44,15 @@ def grazing_ahead(points: list[tuple[OrbitZeroProblem, Point]]) -> Event | None:
         return None
     own = [np.abs(point.examined.data.survey.rates[:, 0]) for piece, point in points if piece is branch]
     near, far, top = own[-1], own[-2], np.max(own, axis=0)
-    for i, kind in enumerate(branch.problem.signature.kinds):
-        if kind != EVENT_END or not (0.0 < near[i] < far[i] < own[-3][i] and near[i] < _SLOWED * top[i]):
+    for segment, i in enumerate(branch.problem.signature.tails):
+        if branch.problem.kinds[i] != EVENT_END or not (
+            0.0 < near[i] < far[i] < own[-3][i] and near[i] < _SLOWED * top[i]
+        ):
             continue
         found = _located(branch, before, last, i, float(near[i] / (far[i] - near[i])))
         ahead = (last.parameter - before.parameter) * float(near[i] ** 2 / (far[i] ** 2 - near[i] ** 2))
         if found is not None and abs(found.parameter - last.parameter) <= _WITHIN * abs(ahead) + ONE_VALUE:
-            return Event(Monitor("rate", i), found, 0.0)
+            return Event(Monitor("rate", segment), found, 0.0)
     return None
 
 

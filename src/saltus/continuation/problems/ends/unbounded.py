@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.signature import CUT_END
 from saltus.scales import (
     BESIDE_TWO_FOLD,
     EXTREMES_ALIKE,
@@ -195,7 +194,7 @@ def perhaps_grows_for_ever(points: list[Row]) -> bool:
     The orbit is in pieces, and its period grew by half while the parameter rested. So it does along a canard. A look
     that finds nothing is made again where the period has grown by half again.
     """
-    if len(points) < 2 or CUT_END not in points[-1][0].problem.signature.kinds:
+    if len(points) < 2 or not points[-1][0].problem.signature.is_cut:
         return False
     if not _rests_while_longer(points, RESTS_IN_PIECES):
         return False

@@ -1,0 +1,118 @@
+"""Derivatives of an orbit's pieces: how far each magnifies a change of its start, along the flow and across it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import ConvergenceError
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, CUT_END, EVENT_END, MEAN_END, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = [
+    "across_flow",
+    "check_measured",
+    "flight_growth",
+    "landing_maps",
+    "most_grown",
+    "piece_maps",
+    "reflector",
+]
+
+
+def piece_maps(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative of each piece's end in its start, in units of the states, shape (pieces, n, n).
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations of an orbit, in one piece or several.
+    J : ndarray, shape (size, size) or wider
+        Their Jacobian.
+    """
+    n, wide, scale = problem.n, problem.n + 1, problem.common_scale
+    maps = np.stack([J[i * wide : i * wide + n, i * wide : i * wide + n] for i in range(problem.segments)])
+    if problem.segments == 1:
+        maps = maps + np.eye(n)  # the start of the next period is that of this one
+    with np.errstate(over="ignore"):
+        return np.asarray(maps * scale / scale[:, None])
+
+
+def check_measured(maps: NDArray[np.float64]) -> None:
+    """Raise `ConvergenceError` where the derivatives of pieces are beyond all numbers."""
+    if not np.all(np.isfinite(maps)):
+        hint = "a change of its start grows beyond all numbers; start from a nearer guess"
+        raise ConvergenceError("periodic orbit", math.inf, 0, hint)
+
+
+def landing_maps(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what `piece_maps` does, of flights up to their events, which a change of the start meets sooner or later.
+
+    A piece behind which its flight goes on has a given duration. Where an event is met without speed its map is
+    infinite.
+    """
+    n, count, scale = problem.n, problem.segments, problem.common_scale
+    rows = J[:, : problem.size].reshape(count, n + 1, count, n + 1)[np.arange(count), :, np.arange(count)]
+    for i in np.flatnonzero(problem.kinds == MEAN_END).tolist():  # the event function at the end, over the duration
+        gradient, at = np.empty(2 + 2 * n), i * (n + 1)
+        event = int(problem.transitions[i]), 0, np.ascontiguousarray(u[at : at + n])
+        problem.system.compiled.call("event_x", *event, problem.extended, gradient)
+        rows[i, n, :n] += gradient[2 : 2 + n] / u[at + n]
+    ends = np.isin(problem.kinds, (EVENT_END, MEAN_END))[:, None]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        later = np.where(ends, -rows[:, n, :n] * scale / rows[:, n, n:], 0.0)
+        rest = (rows[:, :n, n] - np.roll(problem.flows_at_starts(u), -1, axis=0)) / scale
+        return np.asarray(piece_maps(problem, J) + rest[:, :, None] * later[:, None, :])
+
+
+def most_grown(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> float:
+    """Return how far a change grows over a piece at most, from its start to the next one's.
+
+    Of flights the landing counts, in space and in time: as a share of the period. Of smooth orbits what is across the
+    flow counts.
+    """
+    if not problem.signature.flies:
+        with np.errstate(invalid="ignore", over="ignore"):
+            return float(np.abs(across_flow(problem, u, piece_maps(problem, J))).max(initial=0.0))
+    period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
+    return float(problem.pencils.landing(J, problem.kinds, problem.n, problem.common_scale, period))
+
+
+def across_flow(problem: OrbitProblem, u: NDArray[np.float64], maps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivatives of pieces across the flow, (pieces, n - 1, n - 1); of smooth forced orbits at phases.
+
+    Along the flow sensitivities grow as it becomes faster, which is no instability.
+    """
+    if problem.system.phase is not None and not problem.signature.flies:
+        return maps[:, :-1, :-1]
+    turns = [reflector(flow / problem.common_scale) for flow in problem.flows_at_starts(u)]
+    turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
+    return np.array(turned)[:, 1:, 1:]
+
+
+def flight_growth(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far a change grows from each piece's start to its end, before any reset, shape (pieces,).
+
+    What an event makes of it, as where it is met without speed, is left out: a cut changes nothing of that.
+    """
+    form, count = problem.signature, problem.segments
+    kinds = (CLOSED_END,) + (CUT_END,) * (count - 1)
+    smooth = Signature(form.modes, (-1,) * count, kinds, 0)
+    arcs = OrbitProblem(problem.system, smooth, problem.parameters_at(u), tol=problem.tol)
+    arcs.take(problem.kept())
+    return np.asarray(np.abs(piece_maps(arcs, arcs.evaluate(u[: problem.size])[1])).max(axis=(1, 2)))
+
+
+def reflector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the reflection that turns a vector onto the first axis; the zero vector is left as it is."""
+    length = float(np.linalg.norm(vector))
+    if not 0.0 < length < math.inf:
+        return np.eye(vector.size)
+    v = vector / length
+    v[0] += 1.0 if v[0] >= 0.0 else -1.0
+    return np.asarray(np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v))
