@@ -183,3 +183,51 @@ def test_two_equal_oscillators_at_their_walls_are_each_one_oscillator(phase: flo
     for F in (0.7, 1.5, 2.9):
         expected = sorted(orbit.max["v"] for orbit in single.at(F))
         assert sorted(orbit.max["v"] for orbit in both.at(F)) == pytest.approx(expected, rel=1e-7)
+
+
+def in_step(seed: int) -> tuple[saltus.HybridSystem, saltus.HybridSystem]:
+    """An impact oscillator, and two or three of it with springs between them, which move as one."""
+    rng = np.random.default_rng(seed)
+    count = 2 + seed % 2
+    values = {
+        "A": 1.5,
+        "w": float(rng.uniform(1.15, 1.6)),
+        "e": float(rng.uniform(0.3, 0.9)),
+        "k": float(rng.uniform(0.0, 0.5)),
+    }
+    names = [f"x{i}" for i in range(count)]
+    rates, events = {}, []
+    for i, x in enumerate(names):
+        rates |= {x: f"v{i}", f"v{i}": f"A*cos(s) - 0.1*v{i} - {x} + k*({' + '.join(names)} - {count}*{x})"}
+        events.append(saltus.Transition("f", "f", f"{x} - 1", 1, {f"v{i}": f"-e*v{i}"}, name=f"hit{i}"))
+    several = saltus.HybridSystem(tuple(rates), values, {"f": saltus.Mode(rates)}, events, phase=("s", "w"))
+    one = saltus.HybridSystem(
+        ("x0", "v0"),
+        values,
+        {"f": saltus.Mode({"x0": "v0", "v0": "A*cos(s) - 0.1*v0 - x0"})},
+        events[:1],
+        phase=("s", "w"),
+    )
+    return one, several
+
+
+@pytest.mark.parametrize("seed", guarding(range(16), 0, 1))
+def test_oscillators_in_step_graze_at_once(seed):
+    """From the side of the impacts, and from that of the free motion, they have the branch of one of them."""
+    one, several = in_step(seed)
+    for drive in (0.25, 1.5, 3.0):
+        alone = saltus.continue_orbit(saltus.find_orbit(one, {"A": drive}, x0=[0.0, 0.0]), "A", (0.2, 4.0))
+        rest = np.zeros(len(several.states))
+        branch = saltus.continue_orbit(saltus.find_orbit(several, {"A": drive}, x0=rest), "A", (0.2, 4.0))
+        assert all("bound reached" in reason for reason in branch.stopped), branch
+        assert not branch.audit.breaches, branch
+        known, found = (
+            {kind: [p.parameters["A"] for p in curve.special_points.of_type(kind)] for kind in ("GR", "SN", "BP")}
+            for curve in (alone, branch)
+        )
+        np.testing.assert_allclose(found["GR"], known["GR"], rtol=1e-9)
+        assert all(min(abs(fold - value) for value in found["SN"] + found["BP"]) < 1e-8 for fold in known["SN"]), branch
+        assert np.ptp(branch.values) == pytest.approx(np.ptp(alone.values))
+        for value in np.linspace(alone.values.min(), alone.values.max(), 6)[1:-1]:
+            speeds, others = (sorted(o.max["v0"] for o in curve.at(value)) for curve in (branch, alone))
+            np.testing.assert_allclose(speeds, others, rtol=1e-7)

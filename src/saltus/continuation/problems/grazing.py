@@ -86,7 +86,8 @@ def neighbour(
     """
     problem, u = whole(problem, u)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
-    if monitor.kind == "rate":
+    # no segment between two events of one instant vanishes: both are met without speed there
+    if monitor.kind == "rate" and not any(name.kind == "rate" for name in others):
         monitor = vanishing(problem, blocks, monitor.segment)
     if (other := exchanged_at(problem, monitor, u)) is not None:
         return Neighbour(other.signature, np.append(other.blocks.ravel(), u[problem.size :]))
