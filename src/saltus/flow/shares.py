@@ -39,9 +39,9 @@ def shares_of(compiled: Compiled, p: NDArray[np.float64]) -> NDArray[np.float64]
     p : ndarray
         Parameters, extended or not.
     """
-    kinds, own = compiled.kinds, set(compiled.kinds.tolist())
-    if own == {PLAIN}:
+    if compiled.plain:
         return compiled.whole.copy()
+    kinds, own = compiled.kinds, set(compiled.kinds.tolist())
     shares = np.where(kinds == FACE, 0.0, compiled.whole)
     for kind, value in ((SUPPLIED, 0.0), (EXPONENTIAL, 1.0)):
         if kind not in own:
@@ -74,7 +74,7 @@ def small_groups(compiled: Compiled, sizes: NDArray[np.float64], shares: NDArray
         Those of `shares_of`.
     """
     found = shares.copy()
-    if max(compiled.groups.tolist(), default=-1) < 0:
+    if not compiled.grouped:
         return found
     free = (compiled.groups >= 0) & (compiled.kinds == PLAIN)
     for group in set(compiled.groups[free].tolist()):
