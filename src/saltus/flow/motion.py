@@ -120,8 +120,8 @@ class EventDrivenMotion:
             self.size[-1] = system.turn
         self.numbers = np.zeros(kernels.N_NUMBERS)
         self.counts = np.zeros(kernels.N_COUNTS, np.int64)
-        self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
-        self.counts[[kernels.FIRED, kernels.MODE_BEFORE]] = -1
+        self.counts[kernels.MODE], self.counts[kernels.STARTING] = mode, 1
+        self.counts[kernels.FIRED] = self.counts[kernels.MODE_BEFORE] = -1
         self.side, self.on = self._start_sides(mode), np.zeros(count, np.int64)
         self.n_touched, self.touched = np.zeros(count, np.int64), np.zeros((count, 2))
         self.value, self.first_steps = np.zeros(count), np.zeros(len(system.modes))

@@ -6,7 +6,6 @@ its own size. docs/theory/flow.md, "States that never cross zero", explains it.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,9 +101,7 @@ def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64],
     """
     from saltus.flow.kernels.state import BOUND
 
-    numbers = [1.0, *compiled.numbers.tolist(), *map(abs, p[: compiled.n_parameters].tolist())]
-    known = [number for number in numbers if 0.0 < number < math.inf]
-    largest = max(max(known) / min(known), float(np.abs(x).max(initial=0.0)))
+    largest = max(compiled.spread(p), float(np.abs(x).max(initial=0.0)))
     return float(max(BOUND if usual is None else usual, min(_BEYOND * largest, _LARGEST)))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -115,7 +116,9 @@ class Compiled:
         self.too_steep = tuple(module.TOO_STEEP)
         self._calls: dict[str, Any] = {}
         self._directions = np.eye(self.n).ravel()  # those of the states, one after the other
-        self._last = b"", np.empty(0)  # the parameters that were extended last, and what they became
+        # the parameters that were last extended, or asked for their spread, and what was found
+        self._last = b"", np.empty(0)
+        self._spread: tuple[list[float], float] = [math.nan], 1.0
 
     @cached_property
     def addresses(self) -> NDArray[np.int64]:
@@ -133,6 +136,14 @@ class Compiled:
         if known[0] != given:
             known = self._last = given, with_constants(self._callable("derive"), p, self.n_constants)
         return known[1].copy()
+
+    def spread(self, p: NDArray[np.float64]) -> float:
+        """Return the largest of the sizes of formulas' numbers and parameters, and of 1, over the least above 0."""
+        known, given = self._spread, p[: self.n_parameters].tolist()
+        if known[0] != given:
+            numbers = [number for number in (1.0, *self.numbers.tolist(), *map(abs, given)) if 0.0 < number < math.inf]
+            known = self._spread = given, max(numbers) / min(numbers)
+        return known[1]
 
     def check_powers(self, system: Definition, modes: Sequence[int]) -> None:
         """Raise `DefinitionError` where the field of one of the modes is too steep at a surface for sensitivities."""

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import linear_sum_assignment
 
-from saltus.continuation.core.matching import order_of
 from saltus.continuation.core.value_tests import border_tests, circle_tests
 from saltus.continuation.core.within_step import ASIDE, Spectrum, searched, several_critical, steady
 
@@ -94,17 +92,3 @@ def test_a_value_that_touches_1_at_a_fold_and_a_branch_point(apart, others):
     ends = Spectrum(places[0], places[1], ASIDE), Spectrum(places[3], places[2], -ASIDE)
     assert several_critical(spectra, *ends, circle_tests)
     assert several_critical(spectra, *ends, circle_tests, touches=True) == (apart > 0.25 or others > 0)
-
-
-@pytest.mark.parametrize("count", [3, 4, 8, 12])
-def test_values_are_matched_as_the_assignment_of_least_total_distance_does(count):
-    """Also where values are equal, or conjugate, so that several assignments have the same total."""
-    draw = np.random.default_rng(count)
-    for kind in range(300):
-        values, others = draw.normal(size=(2, count)) + 1j * draw.normal(size=(2, count)) * (kind % 3 > 0)
-        if kind % 2:
-            values[1], others[1] = values[0].conj(), others[0].conj()
-        if kind % 5 == 0:
-            others = values[draw.permutation(count)]
-        nearest = linear_sum_assignment(np.abs(values[:, None] - others))[1]
-        assert list(order_of(values.tolist(), others.tolist())) == nearest.tolist()

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.continuation.core.matching import FEW, assigned, least_in_rows, matched, order_of
 from saltus.continuation.core.value_tests import Tested
 from saltus.scales import (
     CROSSES_ONCE,
@@ -70,7 +69,7 @@ class _Place(NamedTuple):
     def at(cls, share: float, known: Spectrum) -> _Place:
         """Return a place at which values are known with those beside in any order."""
         values: list[complex] = known.values.tolist()
-        return cls(share, values, matched(values, known.beside.tolist()), known.away)
+        return cls(share, values, _matched(values, known.beside.tolist()), known.away)
 
 
 def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Callable[[list[complex]], Tested]) -> bool:
@@ -88,7 +87,7 @@ def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Calla
     before, first, last = (np.asarray(row, dtype=np.complex128).tolist() for row in rows)
     ratio = lengths[1] / lengths[0]
     ahead = [value + (value - old) * ratio for old, value in zip(before, first, strict=True)]
-    if any(near != value for near, value in zip(matched(ahead, last), last, strict=True)):
+    if any(near != value for near, value in zip(_matched(ahead, last), last, strict=True)):
         return False  # two values may have changed places
     groups: list[tuple[bool, list[Tested]]] = []
     near: list[tuple[complex, float]] = []
@@ -140,7 +139,7 @@ def searched(
     *before, first, last = rows
     if before:
         at = first.tolist()
-        known = matched(at, before[0].tolist()), at, matched(at, last.tolist())
+        known = _matched(at, before[0].tolist()), at, _matched(at, last.tolist())
         if steady(known, (lengths[0], lengths[1]), tests):
             return False
     start, centre, end = spectra(np.array([ASIDE, 0.5, 1.0 - ASIDE]))
@@ -194,7 +193,7 @@ def several_critical(
             if not np.isfinite(more).all():
                 return None
             first_middle, beside, last_middle = more.tolist()
-            half = _Place(at, middle, matched(middle, beside), ASIDE)
+            half = _Place(at, middle, _matched(middle, beside), ASIDE)
             parts += [(left, half, first_middle, depth + 1), (half, right, last_middle, depth + 1)]
             continue
         for kind, (known, new) in enumerate(zip(zeros, found, strict=False)):
@@ -208,6 +207,11 @@ def _two_alike(zeros: list[float]) -> bool:
     """Return whether zeros lie at two places near each other."""
     first, last = min(zeros), max(zeros)
     return last - first <= ZEROS_TOUCH and all(min(zero - first, last - zero) <= ZEROS_ALIKE for zero in zeros)
+
+
+def _matched(values: list[complex], others: list[complex]) -> list[complex]:
+    """Return the other values, each at the place of that one to which it is nearest."""
+    return [others[k] for k in _order(values, others)]
 
 
 def _groups(first: list[complex], last: list[complex]) -> list[list[int]]:
@@ -335,34 +339,24 @@ def _way(first: _Place, last: _Place, middle: list[complex], slopes: tuple[float
             expected += _roots([_slopes(totals, slopes), _slopes(products, slopes)])
         else:
             expected += _roots([_slopes([value.real for (value,) in own], slopes)])
-    there = matched(expected, middle)
+    there = _matched(expected, middle)
     return _Way(sets, there, sum(abs(a - b) for a, b in zip(there, expected, strict=True)))
 
 
 def _orders(first: _Place, last: _Place, slopes: tuple[float, float]) -> list[Sequence[int]]:
     """Return the orders of the values at the end of a part: of the nearest ones, and as their slopes tell."""
-    nearest = order_of(first.values, last.values)
+    nearest = _order(first.values, last.values)
     if len(first.values) < 3:  # they are taken together
         return [nearest]
-    led = _led(first, last, slopes)
+    from scipy.optimize import linear_sum_assignment
+
+    starts, ends = np.array(first.values), np.array(last.values)
+    ahead = starts + (np.array(first.beside) - starts) * slopes[0]
+    behind = ends - (np.array(last.beside) - ends) * slopes[1]
+    apart = np.abs(ahead[:, None] - ends) + np.abs(starts[:, None] - behind)
+    led: list[int] = linear_sum_assignment(apart)[1].tolist()
     same = all(last.values[i] == last.values[k] for i, k in zip(led, nearest, strict=True))
     return [nearest] if same else [nearest, led]
-
-
-def _led(first: _Place, last: _Place, slopes: tuple[float, float]) -> list[int]:
-    """Return the order of the values at the end of a part that the slopes at both ends tell."""
-    if len(first.values) <= FEW:
-        ahead = [value + (other - value) * slopes[0] for value, other in zip(first.values, first.beside, strict=True)]
-        behind = [value - (other - value) * slopes[1] for value, other in zip(last.values, last.beside, strict=True)]
-        known = list(zip(last.values, behind, strict=True))
-        rows = zip(first.values, ahead, strict=True)
-        led = least_in_rows([[abs(far - end) + abs(start - near) for end, near in known] for start, far in rows])
-        if led is not None:
-            return led
-    starts, ends = np.array(first.values), np.array(last.values)
-    leading = starts + (np.array(first.beside) - starts) * slopes[0]
-    trailing = ends - (np.array(last.beside) - ends) * slopes[1]
-    return assigned(np.abs(leading[:, None] - ends) + np.abs(starts[:, None] - trailing))
 
 
 def _slopes(known: Sequence[float], scale: tuple[float, float]) -> tuple[float, float, float, float]:
@@ -375,6 +369,19 @@ def _slopes(known: Sequence[float], scale: tuple[float, float]) -> tuple[float, 
         df = first - (bend + twist / scale[0]) / scale[0]
         dg = last - (bend + 3.0 * twist + twist / scale[1]) / scale[1]
     return f, df, g, dg
+
+
+def _order(values: list[complex], others: list[complex]) -> Sequence[int]:
+    """Return the places of the other values in the order of those to which they are nearest."""
+    if len(values) < 2:
+        return range(len(values))
+    if len(values) == 2:
+        (a, b), (c, d) = values, others
+        return (1, 0) if abs(a - d) + abs(b - c) < abs(a - c) + abs(b - d) else (0, 1)
+    from scipy.optimize import linear_sum_assignment
+
+    order: list[int] = linear_sum_assignment(np.abs(np.array(values)[:, None] - np.array(others)))[1].tolist()
+    return order
 
 
 def _zeros(

@@ -86,9 +86,11 @@ class _Seen:
         values = curve.values.reshape(len(curve), -1)
         # what is left of the equations' error moves the parameters, in units of their intervals
         solved = followed(curve.tolerance) if "tolerance" in vars(curve) else 16.0 * EPS
-        first, last = values.min(axis=0), values.max(axis=0)
-        wide = np.maximum(np.maximum(np.abs(first), np.abs(last)), _intervals(curve))
-        return cls(curve, values, LOCATED * 1e-2 * (last - first) + solved * wide)
+        rounding = []
+        for column, width in zip(values.T.tolist(), _intervals(curve), strict=True):
+            first, last = min(column), max(column)
+            rounding.append(LOCATED * 1e-2 * (last - first) + solved * max(abs(first), abs(last), width))
+        return cls(curve, values, np.array(rounding))
 
     @property
     def closed(self) -> bool:
@@ -140,12 +142,14 @@ class _Seen:
         return found
 
 
-def _intervals(curve: Any) -> NDArray[np.float64]:
-    """Return the widths of the intervals of the parameters, shape (parameter,); 0 where there is none."""
+def _intervals(curve: Any) -> list[float]:
+    """Return the widths of the intervals of the parameters; 0 where there is none."""
     bounds = curve.options.get("bounds", ())
-    listed = [bounds.get(name, ()) for name in curve.varied] if isinstance(bounds, Mapping) else [bounds]
+    listed = (
+        [bounds.get(name, ()) for name in curve.varied] if isinstance(bounds, Mapping) else [bounds] * len(curve.varied)
+    )
     widths = [abs(pair[1] - pair[0]) if len(pair) == 2 else 0.0 for pair in listed]
-    return np.array([width if math.isfinite(width) else 0.0 for width in widths])
+    return [width if math.isfinite(width) else 0.0 for width in widths]
 
 
 def _further(curve: Any) -> list[NDArray[np.float64]]:
