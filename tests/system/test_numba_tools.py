@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from saltus.system.hybrid import HybridSystem
 from saltus.system.numba_tools import bits, linear
 from saltus.system.numba_tools.machine_code import kernel, njit
 
@@ -87,3 +88,28 @@ def test_a_kernel_refuses_an_array_with_gaps():
     values = np.arange(20.0)
     with pytest.raises(NotImplementedError, match="in an inner function"):
         kernel(_scaled)(values[::2], 1.0, np.empty(10))
+
+
+@pytest.fixture(scope="module")
+def compiled():
+    return HybridSystem.smooth({"x": "exp(-a)*x"}, {"a": 2.0}).compiled
+
+
+def test_a_generated_function_reads_arrays_that_cannot_be_written(compiled):
+    x, p = np.array([3.0]), np.array([0.5])
+    x.flags.writeable = p.flags.writeable = False
+    assert compiled.field(0, x, p)[0] == pytest.approx(3.0 * np.exp(-0.5), rel=1e-15)
+
+
+def test_a_generated_function_refuses_an_array_with_gaps(compiled):
+    with pytest.raises(TypeError, match="contiguous"):
+        compiled.call("field", 0, 0, np.ones(4)[::2], compiled.extended(np.array([0.5])), np.empty(1))
+
+
+def test_constants_are_those_of_the_parameters_given_and_belong_to_the_caller(compiled):
+    first = compiled.extended(np.array([0.5]))
+    first[:] = np.nan
+    again, other = compiled.extended(np.array([0.5])), compiled.extended(np.array([1.5]))
+    assert abs(again[-1]) == pytest.approx(np.exp(-0.5), rel=1e-15)
+    assert abs(other[-1]) == pytest.approx(np.exp(-1.5), rel=1e-15)
+    np.testing.assert_array_equal(compiled.extended(np.array([0.5])), again)

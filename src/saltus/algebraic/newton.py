@@ -131,7 +131,7 @@ def solve_zero(
     u = x.astype(np.float64)
     known = np.abs(u)
     F, J = problem.evaluate(u)
-    if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+    if not (np.isfinite(F).all() and np.isfinite(J).all()):
         raise InputError("x0", x.tolist(), f"a state at which the {_FUNCTION[what]} and its derivatives are finite")
     before = math.inf
     for iteration in range(_ITERATIONS):
@@ -162,7 +162,7 @@ def without_rounding(
 
 def why_none(J: NDArray[np.float64], none: str = "there may be no equilibrium in this mode") -> str:
     """Return why Newton's method may have failed, by the Jacobian where it ended."""
-    if np.all(np.isfinite(J)):
+    if np.isfinite(J).all():
         scaled = J / np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
         if np.linalg.svd(scaled, compute_uv=False)[-1] < _SINGULAR:
             return "the Jacobian is singular there, as at a saddle-node; reach the point along a branch"
@@ -195,7 +195,7 @@ def _damped(
     while share > _SHORTEST:
         trial = u + share * step
         there, slope = problem.evaluate(trial)
-        if np.all(np.isfinite(there)) and np.all(np.isfinite(slope)):
+        if np.isfinite(there).all() and np.isfinite(slope).all():
             simplified = float(np.linalg.norm(_newton_step(there, J, sizes) / sizes))
             if simplified <= (1.0 - 0.25 * share) * length or simplified <= 1e-10:
                 return trial, there, slope

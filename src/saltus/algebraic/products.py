@@ -37,9 +37,9 @@ def combined(factors: NDArray[np.complex128]) -> NDArray[np.float64]:
     >>> float(combined(np.array([-0.1 + 0j] * 31))).__round__(6)
     -0.01796
     """
-    from saltus.algebraic.kernels import products as kernels
+    from saltus.algebraic.kernels.products import combine
 
     found = np.empty(factors.shape[:-1])
     rows = np.ascontiguousarray(factors, dtype=np.complex128).reshape(found.size, factors.shape[-1])
-    kernels.combine(rows, found.reshape(-1))
+    combine(rows, found.reshape(-1))
     return found

@@ -8,8 +8,9 @@ import numpy as np
 
 from saltus.ensemble.labels import ADDRESSED, NL, Lanes, Scratch
 from saltus.errors import NotAnalyticError
-from saltus.system.compiled import SERIES_TEXT, callable_at, with_constants
+from saltus.system.compiled import SERIES_TEXT
 from saltus.system.generated import Kind, module_of
+from saltus.system.numba_tools.calling import callable_at, with_constants
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,7 +80,7 @@ def _growth_writer(symbolic: Symbolic, order: int, columns: int, _: tuple[str, .
 
 # Modules from which the text of lanes comes, besides those of series.
 _TEXT = ("exact_step", "labels", "lane_kinds", "lane_text", "taylor_step", "writer")
-_OF_SYSTEMS = ("scales.doubles", "system.faces", "system.own_states", "system.writing.rounding")
+_OF_SYSTEMS = ("scales.doubles", "system.faces", "system.once", "system.own_states", "system.writing.rounding")
 _SOURCES = (*SERIES_TEXT, *_OF_SYSTEMS, *(f"ensemble.{name}" for name in _TEXT))
 LANES = Kind("lanes", _writer, _SOURCES)
 OWN_LANES = Kind("lanes with parameters of their own", _own_writer, _SOURCES)

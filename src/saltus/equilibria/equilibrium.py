@@ -124,7 +124,7 @@ class Equilibrium(AlgebraicSolution):
         problem = self.problem(*self.system.parameters)
         u = np.append(self.state, [self.parameters[name] for name in self.system.parameters])
         A = problem.within(u, problem.evaluate(u)[1][:, : self.state.size])
-        if not np.all(np.isfinite(A)):
+        if not np.isfinite(A).all():
             return sizes
         values, found = sized_eigenvalues(A, lambda: problem.within(u, terms_at(problem, u)))
         return found if values.size == self.eigenvalues.size else sizes
@@ -156,7 +156,7 @@ class Equilibrium(AlgebraicSolution):
         aside = self.parameters[along] + _ASIDE * max(abs(self.parameters[along]), 1.0)
         problem, u = self.problem(along), np.append(x, aside)
         J = problem.within(u, problem.evaluate(u)[1][:, :-1])
-        unit = float(np.abs(np.linalg.eigvals(J)).max()) if np.all(np.isfinite(J)) else 0.0
+        unit = float(np.abs(np.linalg.eigvals(J)).max()) if np.isfinite(J).all() else 0.0
         return multiplicity(self.eigenvalues, type, unit, self.value_sizes)
 
     @property

@@ -67,11 +67,11 @@ class EquilibriumProblem:
         Where the system has linear integrals, so many of the equations follow from the others. Of one state to each
         integral the rate by which the totals would return to the given ones is added; docs/theory/conserved.md.
         """
-        from saltus.equilibria.kernels import field as kernels
+        from saltus.equilibria.kernels.field import field_at
 
         F, J = np.empty(self.n), np.empty((self.n, self.n + self._active.size))
-        kernels.field_at(*self._arguments(u), F, J)
-        if self.system.laws:
+        field_at(*self._arguments(u), F, J)
+        if self.system.laws.names:
             self._keep_totals(u, F, J)
         return F, J
 
@@ -85,7 +85,7 @@ class EquilibriumProblem:
             # the totals return as fast as the terms of that state's rate change it
             sizes = np.where(x != 0.0, np.abs(x), float(np.abs(x).max(initial=0.0)) or 1.0)
             rates = (np.abs(A[leaf.follow]) @ sizes) / sizes[leaf.follow]
-            usual = float(rates.max()) if np.all(np.isfinite(rates)) and rates.max() > 0.0 else 1.0
+            usual = float(rates.max()) if np.isfinite(rates).all() and rates.max() > 0.0 else 1.0
             rates = np.where(np.isfinite(rates) & (rates > 0.0), rates, usual)
             self._kept = leaf.follow, rates[:, None] * leaf.turn
         follow, turn = self._kept
@@ -108,17 +108,17 @@ class EquilibriumProblem:
 
         u : ndarray, shape (n + active,); A : ndarray, shape (..., n, n).
         """
-        if not self.system.laws:
+        if not self.system.laws.names:
             return A
         return Leaf(self.system.laws.matrix(self.parameters_at(u)), np.abs(u[: self.n])).within(A)
 
     def matrices(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return derivatives of the field at given totals at unknowns (places, n + active): see `within`."""
-        from saltus.equilibria.kernels import field as kernels
+        from saltus.equilibria.kernels.field import matrices_at
 
         found = np.empty((len(places), self.n, self.n))
-        kernels.matrices_at(*self._arguments(places), found)
-        if not self.system.laws:
+        matrices_at(*self._arguments(places), found)
+        if not self.system.laws.names:
             return found
         return np.array([self.within(u, A) for u, A in zip(places, found, strict=True)])
 
@@ -208,12 +208,12 @@ class EquilibriumProblem:
         nearby = u.copy()
         nearby[: self.n] += _NEARBY * sizes
         A = np.maximum(np.abs(J[:, : self.n]), np.abs(self.evaluate(nearby)[1][:, : self.n]))
-        return min(found, _over(F, A @ sizes)) if np.all(np.isfinite(A)) else found
+        return min(found, _over(F, A @ sizes)) if np.isfinite(A).all() else found
 
 
 def _over(F: NDArray[np.float64], terms: NDArray[np.float64]) -> float:
     top = float(terms.max())
-    return float(np.max(F / np.maximum(terms, 1e-12 * top))) if top > 0.0 else float(F.max())
+    return float((F / np.maximum(terms, 1e-12 * top)).max()) if top > 0.0 else float(F.max())
 
 
 def check_autonomous(system: HybridSystem) -> None:

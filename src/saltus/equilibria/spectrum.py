@@ -79,14 +79,15 @@ def sized_eigenvalues(
     values = np.linalg.eigvals(A).astype(np.complex128)
     moduli = np.abs(values).tolist()
     top = max(moduli, default=0.0)
-    sizes = np.full(values.size, top)
+    sizes = np.array([top] * len(moduli))
     if min(moduli, default=math.inf) < SEPARATED * top:
         parts = A[None] if terms is None else np.concatenate([A[None], terms()])
         found = _by_speed(_balanced(parts), top)
         if len(found) > 1:
             values = np.concatenate([own for own, _ in found])
             sizes = np.concatenate([np.full(own.size, size) for own, size in found])
-    order = np.lexsort((-values.imag, -values.real))
+    known = values.tolist()
+    order = sorted(range(len(known)), key=lambda i: (-known[i].real, -known[i].imag))
     return np.asarray(values[order]), sizes[order]
 
 
@@ -121,7 +122,7 @@ def _slow_part(parts: NDArray[np.float64], fast: float, slow: float) -> tuple[ND
     right, rest = Q[:, :m], Q[:, m:]
     left = right.T + solve_sylvester(T[:m, :m], -T[m:, m:], T[:m, m:]) @ rest.T
     terms = np.abs(left) @ np.abs(parts).sum(axis=0) @ np.abs(right)
-    if not np.all(np.isfinite(terms)):
+    if not np.isfinite(terms).all():
         return None
     size = float(np.abs(np.linalg.eigvals(terms)).max(initial=0.0))
     # terms that underflow have lost their digits
@@ -210,5 +211,7 @@ def pair_product(values: NDArray[np.complex128]) -> float:
         Eigenvalues.
     """
     first, second = pairs(values.size)
-    sizes = np.abs(values[first]) + np.abs(values[second])
-    return float(combined((values[first] + values[second]) / np.where(sizes > 0.0, sizes, np.inf)))
+    moduli = np.abs(values)
+    sizes = moduli[first] + moduli[second]
+    sizes[~(sizes > 0.0)] = np.inf
+    return float(combined((values[first] + values[second]) / sizes))

@@ -120,6 +120,8 @@ def _behind_wall(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.flo
     extended, seen, thrown = compiled.extended(p), np.empty(2 + 2 * n), np.empty(n)
     compiled.call("event_x", k, 0, x, extended, seen)
     value, rate = float(seen[0]) * direction, float(seen[1]) * direction
+    if not value > 0.0:
+        return None
     mode = system.mode_index(system.transitions[k].source)
     bend = abs(float(seen[2 + n :] @ compiled.field(mode, x, p)))
     far = rate * rate / bend if bend > 0.0 else 0.0  # as far as the motion goes on at its speed

@@ -14,7 +14,7 @@ from saltus.flow.shares import limit_of, shares_of, small_groups, with_shares
 from saltus.flow.starting import phase_rate, told_root
 from saltus.flow.sticking import sticking_surface
 from saltus.flow.stiffness import fastest_in_words, may_be_implicit, worth
-from saltus.flow.transition_rows import clocks, opposites
+from saltus.flow.transition_rows import clocks, ends_of, opposites
 from saltus.system.filippov import lines_of
 from saltus.system.parts import NOWHERE, at_phases
 
@@ -106,9 +106,7 @@ class EventDrivenMotion:
         self.offset = 0.0
         if system.phase is not None:
             self.rate = phase_rate(system, p, x, mode)
-        index = {name: i for i, name in enumerate(system.mode_names)}
-        rows = [[index[t.source], index[t.target], t.direction] for t in system.transitions]
-        self.transitions = np.array(rows, dtype=np.int64).reshape(len(rows), 3)
+        self.transitions, count = ends_of(system), len(system.transitions)
         self.offset = max(float(x[-1]), 0.0) if self.rate > 0.0 else 0.0
         self.room, self._chosen, self._chosen_at = math.inf if room is None else room, 0, 0.0
         self._watched = self._looks = 0
@@ -122,11 +120,11 @@ class EventDrivenMotion:
             self.size[-1] = system.turn
         self.numbers = np.zeros(kernels.N_NUMBERS)
         self.counts = np.zeros(kernels.N_COUNTS, np.int64)
-        self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
-        self.counts[[kernels.FIRED, kernels.MODE_BEFORE]] = -1
-        self.side, self.on = self._start_sides(mode), np.zeros(len(rows), np.int64)
-        self.n_touched, self.touched = np.zeros(len(rows), np.int64), np.zeros((len(rows), 2))
-        self.value, self.first_steps = np.zeros(len(rows)), np.zeros(len(index))
+        self.counts[kernels.MODE], self.counts[kernels.STARTING] = mode, 1
+        self.counts[kernels.FIRED] = self.counts[kernels.MODE_BEFORE] = -1
+        self.side, self.on = self._start_sides(mode), np.zeros(count, np.int64)
+        self.n_touched, self.touched = np.zeros(count, np.int64), np.zeros((count, 2))
+        self.value, self.first_steps = np.zeros(count), np.zeros(len(system.modes))
         m = steps_kept
         self.step_buffers = (np.empty((m, 2)), np.empty(m, np.int64), np.empty((m, n)), np.empty((m, 7, n)))
         m = _EVENTS_KEPT
@@ -284,10 +282,12 @@ class EventDrivenMotion:
             self._again = 0.0 if self._implicit else 2.0 * self.tries
         else:
             J = self.system.compiled.linearised(self.mode, self.x, self.p)[1]
-            if not np.all(np.isfinite(J)):
-                return
-            decay = -float(np.linalg.eigvals(J).real.min(initial=0.0))
-            fast = decay > self.least_decay and pace * decay > _FAST
+            fast = False
+            if not pace * float(np.abs(J).sum(axis=1).max()) <= _FAST:  # no eigenvalue is beyond that norm
+                if not np.isfinite(J).all():
+                    return
+                decay = -float(np.linalg.eigvals(J).real.min(initial=0.0))
+                fast = decay > self.least_decay and pace * decay > _FAST
             compiled, count = self.system.compiled, len(self.system.states)
             modes = range(len(self.system.modes))
             self._implicit = fast and all(may_be_implicit(compiled, mode, self.x, self.p, count) for mode in modes)
@@ -332,7 +332,7 @@ class EventDrivenMotion:
 
     def let_shares_grow(self, *, all_of_them: bool = False) -> None:
         """Let small states that have grown have their share of the absolute tolerance, in place: kernels know where."""
-        if (self.shares < 0.0).any():
+        if self.system.compiled.grouped and (self.shares < 0.0).any():
             np.maximum(self._sizes, np.abs(self.x), out=self._sizes)
             groups = self._full if all_of_them else small_groups(self.system.compiled, self._sizes, self._full)
             self.shares[:] = np.where(self.shares < 0.0, groups, self.shares)

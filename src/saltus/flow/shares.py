@@ -6,7 +6,6 @@ its own size. docs/theory/flow.md, "States that never cross zero", explains it.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,9 +38,9 @@ def shares_of(compiled: Compiled, p: NDArray[np.float64]) -> NDArray[np.float64]
     p : ndarray
         Parameters, extended or not.
     """
-    kinds, own = compiled.kinds, set(compiled.kinds.tolist())
-    if own == {PLAIN}:
+    if compiled.plain:
         return compiled.whole.copy()
+    kinds, own = compiled.kinds, set(compiled.kinds.tolist())
     shares = np.where(kinds == FACE, 0.0, compiled.whole)
     for kind, value in ((SUPPLIED, 0.0), (EXPONENTIAL, 1.0)):
         if kind not in own:
@@ -74,7 +73,7 @@ def small_groups(compiled: Compiled, sizes: NDArray[np.float64], shares: NDArray
         Those of `shares_of`.
     """
     found = shares.copy()
-    if max(compiled.groups.tolist(), default=-1) < 0:
+    if not compiled.grouped:
         return found
     free = (compiled.groups >= 0) & (compiled.kinds == PLAIN)
     for group in set(compiled.groups[free].tolist()):
@@ -102,9 +101,7 @@ def limit_of(compiled: Compiled, p: NDArray[np.float64], x: NDArray[np.float64],
     """
     from saltus.flow.kernels.state import BOUND
 
-    numbers = [1.0, *compiled.numbers.tolist(), *map(abs, p[: compiled.n_parameters].tolist())]
-    known = [number for number in numbers if 0.0 < number < math.inf]
-    largest = max(max(known) / min(known), float(np.abs(x).max(initial=0.0)))
+    largest = max(compiled.spread(p), float(np.abs(x).max(initial=0.0)))
     return float(max(BOUND if usual is None else usual, min(_BEYOND * largest, _LARGEST)))
 
 

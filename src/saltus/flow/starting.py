@@ -116,7 +116,8 @@ def allowed_modes(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.fl
 def defined_modes(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> Iterator[int]:
     """Go through the indices of the modes in which a motion may be at x: before their events, or beyond."""
     for index in range(len(system.modes)):
-        if not np.any(x[absent_states(system, index)] != 0.0) and domain_value(system, index, x, p) > 0.0:
+        absent = absent_states(system, index)
+        if not (absent.size and (x[absent] != 0.0).any()) and domain_value(system, index, x, p) > 0.0:
             yield index
 
 

@@ -86,12 +86,13 @@ class TaylorRun:
         self.extended_series = series.constants(p)
         self.laws, self.step_tolerances, *_ = first.records
         self.section = np.zeros(len(system.transitions), np.int64)
-        self.section[list(section or ())] = 1
+        for transition in section or ():
+            self.section[transition] = 1
         self.at_wrap = section is None
         self.x = np.append(first.x, 0.0)
         self.numbers, self.counts = np.zeros(kernels.N_NUMBERS), np.zeros(kernels.N_COUNTS, np.int64)
-        self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
-        self.counts[[kernels.FIRED, kernels.MODE_BEFORE]] = -1
+        self.counts[kernels.MODE], self.counts[kernels.STARTING] = mode, 1
+        self.counts[kernels.FIRED] = self.counts[kernels.MODE_BEFORE] = -1
         self.side, self.on = first.side.copy(), np.zeros_like(self.section)
 
     @property

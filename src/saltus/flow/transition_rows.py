@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.system.once import once
 from saltus.system.parts import at_phases
 
 if TYPE_CHECKING:
@@ -13,9 +14,18 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["clocks", "jumps_at_phase_zero", "opposites"]
+__all__ = ["clocks", "ends_of", "jumps_at_phase_zero", "opposites"]
 
 
+@once
+def ends_of(system: HybridSystem) -> NDArray[np.int64]:
+    """Return source, target and direction of each transition, shape (transitions, 3)."""
+    index = {name: i for i, name in enumerate(system.mode_names)}
+    rows = [[index[t.source], index[t.target], t.direction] for t in system.transitions]
+    return np.array(rows, dtype=np.int64).reshape(len(rows), 3)
+
+
+@once
 def clocks(system: HybridSystem) -> NDArray[np.int64]:
     """Return the first transition with the same event function of the phase alone; -1 for other events."""
     texts = [transition.event for transition in system.transitions]
@@ -24,6 +34,7 @@ def clocks(system: HybridSystem) -> NDArray[np.int64]:
     )  # fmt: skip
 
 
+@once
 def opposites(system: HybridSystem) -> NDArray[np.int64]:
     """Return for a way out of a mode that slides the way out to the other side; -1 for other transitions."""
     found = np.full(len(system.transitions), -1)

@@ -142,7 +142,7 @@ class Landed:
             below, above = (middle, above) if before(middle) else (below, middle)
         trial[place] = below - 2.0 * safe
         F, J = fitted(self.problem, evaluate, trial)
-        if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+        if not (np.isfinite(F).all() and np.isfinite(J).all()):
             return None
         self._met[row] = self.follows = True
         return trial, F, J
@@ -156,10 +156,11 @@ def steeply_met(problem: Equations, u: NDArray[np.float64], rates: NDArray[np.fl
     rates : ndarray, shape (segments,)
         Rates of the event functions at their ends.
     """
-    moved = _moved(problem, u, rates)
-    if not np.any(moved > float(problem.state_scale.min())):
+    least, error, period = float(problem.state_scale.min()), followed(problem.tol), _period(problem, u)
+    known = zip(problem.signature.kinds, rates.tolist(), strict=True)
+    if not any(kind == EVENT_END and abs(rate) * error * period > least for kind, rate in known):
         return np.empty(0, dtype=np.intp)
-    return np.flatnonzero(moved > problem.event_sizes(u))
+    return np.flatnonzero(_moved(problem, u, rates) > problem.event_sizes(u))
 
 
 def _moved(problem: Equations, u: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -181,7 +182,7 @@ def on_surfaces(problem: Equations, u: NDArray[np.float64], survey: Survey) -> S
     ends.
     """
     left, least = survey.rates[:, 2], RESIDUAL_KEPT * float(problem.state_scale.min())
-    if not (left > least).any():
+    if not any(value > least for value in left.tolist()):
         return survey
     period, n = _period(problem, u), problem.n
     with np.errstate(invalid="ignore", over="ignore"):
@@ -239,7 +240,7 @@ def before_poles(
     while True:
         blocked = problem.start(u) if afresh else None
         F, J = fitted(problem, evaluate, u)
-        finite = blocked is None and bool(np.all(np.isfinite(F)) and np.all(np.isfinite(J)))
+        finite = blocked is None and bool(np.isfinite(F).all() and np.isfinite(J).all())
         if settled or not last.size or share > most:
             return u, F, J
         settled = finite and u is not given

@@ -211,6 +211,8 @@ def crowding(places: NDArray[np.float64], starts: NDArray[np.int64], decays: Seq
 
     A state that falls from far away decays much faster there than on the rest of its way.
     """
+    if not any(not isinstance(decay, Decay) and decay > _SLOW for decay in decays):
+        return []
     parts = np.split(places, starts[1:-1])
     return [
         i

@@ -337,7 +337,7 @@ class OrbitProblem(Discretised):
         F, J = np.empty(m), np.empty((m, m + self._active.size))
         self._evaluate(u, F, J)
         coarse = self.stiff and not self._worst <= self._meshes.FINEST
-        if coarse and np.all(np.isfinite(u)) and self._adapt(u) is None:
+        if coarse and np.isfinite(u).all() and self._adapt(u) is None:
             self._evaluate(u, F, J)
         return F, J
 
@@ -420,7 +420,7 @@ class OrbitProblem(Discretised):
     def survey(self, u: NDArray[np.float64]) -> Survey:
         """Return what a dense look at the orbit `u` shows."""
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
-        if self.linear is not None and np.all(np.isfinite(u)):
+        if self.linear is not None and np.isfinite(u).all():
             self._lasting = np.abs(u[self.n : self.size : self.n + 1])
         found = room_for(self.n, quantities, self.segments, transitions)
         faults = self._surveys.survey(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus.orbits.signature import BOUNDARY, SECTION, STOP
+from saltus.system.once import once
 from saltus.system.own_states import absent_states
 from saltus.system.parts import at_phases
 
@@ -178,6 +179,7 @@ class Seen(NamedTuple):
     bent: NDArray[np.int64]  # shape (expressions,): 1 where an expression has a corner or jumps within a segment
 
 
+@once
 def events_of(system: HybridSystem) -> Events:
     """Return the events of a system, as a survey needs them."""
     return Events(

@@ -100,7 +100,8 @@ def mark_driven(
         Sizes of the states on it.
     """
     count = len(problem.system.states)
-    if not sizes[:count].min() < RESTING * sizes[:count].max():
+    own = sizes[:count]
+    if not own.min() < RESTING * own.max():
         return
     zeros = np.append(sizes[:count] < RESTING * float(sizes[:count].max()), np.zeros(problem.n - count, dtype=np.bool_))
     zeros &= ~moves.all(axis=1)

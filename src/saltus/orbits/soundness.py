@@ -66,7 +66,7 @@ def check_solved(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) 
     """
     count, what = len(problem.system.states), "periodic orbit"
     sizes = np.maximum(np.abs(survey.lows[:count]), np.abs(survey.highs[:count]))
-    if not (np.all(np.isfinite(u)) and np.all(np.isfinite(sizes))):
+    if not (np.isfinite(u).all() and np.isfinite(sizes).all()):
         raise ConvergenceError(what, math.inf, 0, "the states are not finite; start from a nearer guess")
     if survey.residual <= RESIDUAL_CLEAR * float(sizes.min()):
         return

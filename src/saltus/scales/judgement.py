@@ -80,6 +80,9 @@ def same(a: ArrayLike, b: ArrayLike, error: ArrayLike) -> Verdict:
 
 def zero(value: ArrayLike, error: ArrayLike) -> Verdict:
     """Return whether each of `value` is 0 within its `error`; *no* as soon as one of them is clearly not."""
+    if isinstance(value, float) and isinstance(error, float):
+        distance = abs(value)
+        return Verdict.YES if distance <= error else Verdict.NO if distance > _CLEAR * error else Verdict.UNCLEAR
     distances, errors = np.abs(np.asarray(value, dtype=float)), np.asarray(error, dtype=float)
     if np.all(distances <= errors):
         return Verdict.YES

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from saltus.errors import DefinitionError, NotAnalyticError
 from saltus.system.generated import Kind, module_of
+from saltus.system.numba_tools.calling import call, callable_at, with_constants
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,14 +35,12 @@ __all__ = [
     "CompiledSeries",
     "CompiledThird",
     "Formulas",
-    "callable_at",
     "load",
     "load_gradients",
     "load_linear",
     "load_second",
     "load_series",
     "load_third",
-    "with_constants",
 ]
 
 Formulas: TypeAlias = tuple[tuple[str, tuple[str, ...]], ...]  # of each its text and its further names
@@ -79,6 +79,8 @@ class Compiled:
         The largest and the least size of the numbers in fields and resets, 1 and 1 without any.
     groups : ndarray of int64, shape (n,)
         The least state of the group that stays at 0 together with each; -1 for none.
+    plain, grouped : bool
+        Whether all states are of the usual kind; whether some of them stay at 0 together.
     n, n_parameters, n_constants, n_outputs : int
         Sizes of the full state, of the parameters, of the constants made from them, of the outputs.
     rooted : ndarray of bool, shape (modes,)
@@ -102,6 +104,8 @@ class Compiled:
         self.kinds = np.array(module.KINDS, dtype=np.int64)
         self.numbers = np.array(module.NUMBERS, dtype=np.float64)
         self.groups = np.array(module.GROUPS, dtype=np.int64)
+        self.plain = not any(module.KINDS)  # `saltus.system.faces.PLAIN` is 0
+        self.grouped = max(module.GROUPS, default=-1) >= 0
         self.n_parameters = len(system.parameters)
         self.n_constants = int(module.CONSTANTS)
         self.n_outputs = len(system.outputs)
@@ -112,6 +116,9 @@ class Compiled:
         self.too_steep = tuple(module.TOO_STEEP)
         self._calls: dict[str, Any] = {}
         self._directions = np.eye(self.n).ravel()  # those of the states, one after the other
+        # the parameters that were last extended, or asked for their spread, and what was found
+        self._last = b"", np.empty(0)
+        self._spread: tuple[list[float], float] = [math.nan], 1.0
 
     @cached_property
     def addresses(self) -> NDArray[np.int64]:
@@ -125,7 +132,18 @@ class Compiled:
 
     def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants behind them, shape (n_parameters + n_constants,)."""
-        return with_constants(self._callable("derive"), p, self.n_constants)
+        known, given = self._last, p.tobytes()
+        if known[0] != given:
+            known = self._last = given, with_constants(self._callable("derive"), p, self.n_constants)
+        return known[1].copy()
+
+    def spread(self, p: NDArray[np.float64]) -> float:
+        """Return the largest of the sizes of formulas' numbers and parameters, and of 1, over the least above 0."""
+        known, given = self._spread, p[: self.n_parameters].tolist()
+        if known[0] != given:
+            numbers = [number for number in (1.0, *self.numbers.tolist(), *map(abs, given)) if 0.0 < number < math.inf]
+            known = self._spread = given, max(numbers) / min(numbers)
+        return known[1]
 
     def check_powers(self, system: Definition, modes: Sequence[int]) -> None:
         """Raise `DefinitionError` where the field of one of the modes is too steep at a surface for sensitivities."""
@@ -159,7 +177,7 @@ class Compiled:
         out: NDArray[np.float64],
     ) -> None:
         """Call one generated function; `p` is extended, arrays are contiguous."""
-        _call(self._callable(name), k, m, x, p, out)
+        call(self._callable(name), k, m, x, p, out)
 
     def _callable(self, name: str) -> Any:
         if name not in self._calls:
@@ -222,7 +240,7 @@ class CompiledLinear:
         assert layout is not None
         size = layout["size"]
         out = np.empty((size + layout["events"], size))
-        _call(self._linear, mode, 0, out, with_constants(self._derive, p, self._n_constants), out)
+        call(self._linear, mode, 0, out, with_constants(self._derive, p, self._n_constants), out)
         return out[:size], out[size:]
 
 
@@ -258,7 +276,7 @@ class CompiledSecond:
         """Return the second derivative of a mode's field along v, shape (n, n + active); `p` is not extended."""
         out = np.empty((self.n, self.n + len(self.active)))
         extended = with_constants(self._derive, p, self.extended - p.size)
-        _call(self._field_2, mode, 0, np.concatenate([x, v]), extended, out)
+        call(self._field_2, mode, 0, np.concatenate([x, v]), extended, out)
         return out
 
 
@@ -297,7 +315,7 @@ class CompiledGradients:
         `p` is extended.
         """
         out = np.empty(1 + x.size + self._n_parameters)
-        _call(self._formulas, k, 0, x, p, out)
+        call(self._formulas, k, 0, x, p, out)
         return float(out[0]), out[1 : 1 + x.size], out[1 + x.size :]
 
 
@@ -314,30 +332,8 @@ class CompiledThird:
               p: NDArray[np.float64]) -> NDArray[np.float64]:  # fmt: skip
         """Return the third derivative of a mode's field along three directions, shape (n,); `p` is not extended."""
         out, extended = np.empty(self._n), with_constants(self._derive, p, self._n_constants)
-        _call(self._field_3, mode, 0, np.concatenate([x, *directions]), extended, out)
+        call(self._field_3, mode, 0, np.concatenate([x, *directions]), extended, out)
         return out
-
-
-def _call(
-    function: Any, k: int, m: int, x: NDArray[np.float64], p: NDArray[np.float64], out: NDArray[np.float64]
-) -> None:
-    function(k, m, x.ctypes.data, p.ctypes.data, out.ctypes.data)
-
-
-def callable_at(function: Any) -> Any:
-    """Return a generated function as one of integers and addresses, which are converted faster than pointers."""
-    import ctypes
-
-    integer, address = ctypes.c_int64, ctypes.c_void_p
-    return ctypes.CFUNCTYPE(None, integer, integer, address, address, address)(function.address)
-
-
-def with_constants(derive: Any, p: NDArray[np.float64], n_constants: int) -> NDArray[np.float64]:
-    """Return parameters with the constants behind them that a generated ``derive`` makes."""
-    out = np.empty(p.size + n_constants)
-    out[: p.size] = p
-    _call(derive, 0, 0, out, out, out)
-    return out
 
 
 # Modules from which the text of the flow comes, and that of Taylor series and linear parts, their writers apart.

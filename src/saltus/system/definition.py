@@ -334,7 +334,7 @@ class Definition:
             x = self._completed_state(x, own)
         if x.shape != (n,) and x.shape != (len(self.all_states),):
             raise InputError(name, x.tolist(), shapes_that_fit(self.states, phase, own, mode))
-        if not np.all(np.isfinite(x)):
+        if not np.isfinite(x).all():
             raise InputError(name, x.tolist(), "finite")
         return np.append(x, 0.0) if x.shape == (n,) and self.phase is not None else x
 

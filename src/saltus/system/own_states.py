@@ -15,6 +15,7 @@ import numpy as np
 
 from saltus.errors import DefinitionError, nearest
 from saltus.system.expressions import NAME
+from saltus.system.once import once
 from saltus.system.parts import Mode, Transition
 
 if TYPE_CHECKING:
@@ -108,6 +109,7 @@ def _check_known(where: str, texts: Iterable[str], lacking: list[str], mode: str
             raise DefinitionError(where, text, f"an expression without {used[0]}", f"{mode} lacks this state")
 
 
+@once
 def absent_states(system: Any, mode: int) -> NDArray[np.int64]:
     """Return the places of the states that a mode lacks, by its index."""
     own = system.modes[system.mode_names[mode]].states or system.states

@@ -15,6 +15,7 @@ from saltus import checks
 from saltus.errors import DefinitionError, InputError
 from saltus.system.expressions import NAME, Names, check_name, text_of
 from saltus.system.mechanics import Held, lagrangian_field, mass_matrix_field
+from saltus.system.once import once
 
 __all__ = [
     "NOWHERE",
@@ -423,6 +424,9 @@ def interval_text(low: float, high: float) -> str:
 
 def at_phases(system: Any, transition: Any) -> bool:
     """Return whether an event function knows the phase alone, and no state: the event comes again and again."""
-    if system.phase is None:
-        return False
-    return not set(system.states) & set(NAME.findall(transition.event))
+    return system.phase is not None and _knows_no_state(system, transition.event)
+
+
+@once
+def _knows_no_state(system: Any, event: str) -> bool:
+    return not set(system.states) & set(NAME.findall(event))

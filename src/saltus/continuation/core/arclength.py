@@ -207,8 +207,7 @@ def _predict(point: Point, before: Point | None, h: float) -> NDArray[np.float64
     """Return the predicted point at step length `h`, on the cubic through the last two points and their tangents."""
     from saltus.continuation.core.kernels.control import predict
 
-    guess = np.empty_like(point.u)
-    last = point.line
+    guess, last = np.empty_like(point.u), point.line
     if before is None or before.u.size != point.u.size or before.frame is not point.frame:
         predict(last, last, 0.0, h, guess)
     else:

@@ -172,6 +172,7 @@ def locate(
     bends: list[tuple[float, NDArray[np.float64]]] = []
     near, tried = False, 0
     scale = problem.scale()
+    usual = np.maximum(*(_terms(end.J, a.u.size - 1, scale) for end in (a, b)))
     unit = unit or max(abs(fa), abs(fb))
     floor = problem.noise.get(name, MONITOR_ZERO) * unit
     previous = math.inf
@@ -188,7 +189,7 @@ def locate(
         if near:
             step = _without_kernel(J, F, row, scale)
             size = float(np.abs(step / scale).max())
-        if _at_rounding(F, (J, a.J, b.J), scale):
+        if _at_rounding(F, J, usual, scale):
             step, size = np.zeros_like(step), 0.0
         if sign == 0.0 and (
             name in problem.singular or (_certain(problem, name) and abs(s - known[-1][0]) < PLACES_ALIKE)
@@ -237,19 +238,23 @@ def locate(
 
 
 def _at_rounding(
-    F: NDArray[np.float64], derivatives: tuple[NDArray[np.float64], ...], scale: NDArray[np.float64]
+    F: NDArray[np.float64], J: NDArray[np.float64], usual: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> bool:
     """Return whether what is left of each equation is rounding of what the unknowns' sizes are in it.
 
     An equation has no unit in common with an unknown: an event function of a billionth is small by itself. Where it
     degenerates, its size is that at the ends of the step.
 
-    derivatives: Jacobians of the equations, at the place and at the ends of the step.
+    J: Jacobian of the equations at the place; usual: what `_terms` makes of those at the ends of the step.
     """
-    own, *ends = (np.abs(J[: F.size] * scale).max(axis=1) for J in derivatives)
-    usual = np.max(ends, axis=0)
+    own = _terms(J, F.size, scale)
     sizes = np.where(own < ILL_CONDITIONED * usual, usual, own)
-    return bool(np.all(np.abs(F) <= RESIDUAL_ROUNDING * sizes))
+    return bool((np.abs(F) <= RESIDUAL_ROUNDING * sizes).all())
+
+
+def _terms(J: NDArray[np.float64], count: int, scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the size of the largest term of each equation, shape (count,)."""
+    return np.asarray(np.abs(J[:count] * scale).max(axis=1))
 
 
 def _bend_at(s: float, bends: list[tuple[float, NDArray[np.float64]]], u: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -86,6 +86,9 @@ def circle_tests(values: list[complex]) -> Tested:
 
 def border_tests(values: list[complex]) -> Tested:
     """Return functions of eigenvalues that vanish at 0, and for a pair at the imaginary axis."""
+    if len(values) == 1:
+        value = values[0]
+        return Tested([value.real], [1e-3 + abs(value)], False, False, abs(value.real))
     product, size = 1.0 + 0.0j, 1.0
     for value in values:
         product, size = product * value, size * (1e-3 + abs(value))

@@ -175,7 +175,7 @@ def several_critical(
         The values in the middle of the step, where these are known.
     """
     centre = spectra(np.array([0.5]))[0] if centre is None else centre
-    if not all(np.all(np.isfinite(values)) for values in (centre, *first[:2], *last[:2])):
+    if not all(np.isfinite(values).all() for values in (centre, *first[:2], *last[:2])):
         return None
     zeros: list[list[float]] = [[], [], []]
     parts = [(_Place.at(0.0, first), _Place.at(1.0, last), centre.tolist(), 0)]
@@ -190,7 +190,7 @@ def several_critical(
             quarter = 0.25 * (right.share - left.share)
             at = left.share + 2.0 * quarter
             more = spectra(np.array([at - quarter, at + ASIDE, at + quarter]))
-            if not np.all(np.isfinite(more)):
+            if not np.isfinite(more).all():
                 return None
             first_middle, beside, last_middle = more.tolist()
             half = _Place(at, middle, _matched(middle, beside), ASIDE)

@@ -176,7 +176,7 @@ def correct(
     previous, remeshed, unstable = math.inf, 0, 0
     for iteration in range(1, iterations + REMESHED + 1):
         F, J = problem.evaluate(u)
-        if unstable < UNSTABLE and not np.all(np.isfinite(J)) and not problem.accurate():
+        if unstable < UNSTABLE and not np.isfinite(J).all() and not problem.accurate():
             unstable += 1
             continue
         steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
@@ -235,13 +235,13 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
     for _ in range(6 + REMESHED):
         F, J = problem.evaluate(u)
         fine = problem.accurate()
-        if not np.all(np.isfinite(J)):  # on meshes too coarse for the flow, which are finer now
+        if not np.isfinite(J).all():  # on meshes too coarse for the flow, which are finer now
             continue
         step = _nearest(J / root, -F)[0] / root
         u = u + step
         if fine and np.abs(step / problem.scale()).max() < ACCEPTED:
             break
-    if not np.all(np.isfinite(J)):
+    if not np.isfinite(J).all():
         raise ValueError("Newton: the equations have no finite values")
     null = _nearest(J / root, np.zeros(len(J)))[1] / root
     null /= math.sqrt(float(weights @ null**2))

@@ -134,7 +134,9 @@ class AlgebraicZeroProblem:
 
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return weights: states in their sizes, of several points the mean, 1 for the parameter."""
-        return np.append(1.0 / (self.problem.period * self.sizes**2), 1.0)
+        found = np.ones(self.n + 1)
+        found[:-1] /= self.problem.period * self.sizes**2
+        return found
 
     def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the unknowns are from those of the start, shape (n,); the same for all points."""
@@ -143,12 +145,14 @@ class AlgebraicZeroProblem:
 
     def scale(self) -> NDArray[np.float64]:
         """Return typical sizes of the unknowns."""
-        return np.append(self.sizes, 1.0)
+        found = np.ones(self.n + 1)
+        found[:-1] = self.sizes
+        return found
 
     def sized(self, u: NDArray[np.float64]) -> Sized:
         """Return eigenvalues or multipliers, with their sizes; NaN where the Jacobian is not finite."""
         A = self.linear(u, self.problem.evaluate(u)[1])
-        if not np.all(np.isfinite(A)):
+        if not np.isfinite(A).all():
             return np.full(len(A), math.nan + 0j), np.ones(len(A))
         return sized_eigenvalues(A, partial(self.terms, u))
 

@@ -41,7 +41,7 @@ _ALL_QUIET = frozenset(_QUIET)
 def row_units(J: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a unit for each row of a matrix: its largest entry; for a row of zeros that of the matrix."""
     terms = np.abs(J).max(axis=1)
-    if not np.all(np.isfinite(terms)):
+    if not np.isfinite(terms).all():
         return np.ones(terms.size)
     return np.where(terms > 0.0, terms, float(terms.max()) or 1.0)
 

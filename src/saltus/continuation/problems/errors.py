@@ -7,8 +7,9 @@ its tolerance. The changes are those of two fixed patterns of signs.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,23 +27,30 @@ if TYPE_CHECKING:
 __all__ = ["algebraic_error", "clear_of_one", "orbit_error"]
 
 _PATTERNS = (3, 5)  # multiplier in a pattern of signs
+_OF_TANGENT = ("SN", "BP")  # kinds of monitor functions of the bordered Jacobian; all others evaluate the equations
 
 
 def algebraic_error(self: Any, name: Monitor, point: Point) -> float:
     """Return how far a monitor function of algebraic equations may be wrong at a point."""
     if name.kind not in (*self.critical, "zeros", "flips", "pairs"):
         return 0.0
-    own = self.monitor(name, _at(self, point, point.u, 0))
+    at = _at if name.kind in _OF_TANGENT else _beside
+    own = self.monitor(name, at(self, point, point.u, 0))
     if not math.isfinite(own):
         return math.inf
-    return float(max(abs(self.monitor(name, nudged) - own) for nudged in _nudged(self, point)))
+    return float(max(abs(self.monitor(name, nudged) - own) for nudged in _nudged(self, point, at)))
 
 
-def _nudged(self: Any, point: Point) -> Iterator[Point]:
+def _nudged(self: Any, point: Point, at: Callable[..., Point]) -> Iterator[Point]:
     """Go through points whose unknowns and derivatives are those of a point but for rounding."""
     scale = np.maximum(np.abs(point.u), EPS * self.scale())
     for pattern in _PATTERNS:
-        yield _at(self, point, point.u + EPS * _signs((point.u.size,), pattern) * scale, pattern)
+        yield at(self, point, point.u + EPS * _signs((point.u.size,), pattern) * scale, pattern)
+
+
+def _beside(self: Any, point: Point, u: NDArray[np.float64], pattern: int) -> Point:
+    """Return a point with other unknowns, for monitor functions that evaluate the equations there themselves."""
+    return replace(point, u=u)
 
 
 def _at(self: Any, point: Point, u: NDArray[np.float64], pattern: int) -> Point:
@@ -57,6 +65,7 @@ def _at(self: Any, point: Point, u: NDArray[np.float64], pattern: int) -> Point:
     return replace(point, u=u, J=J, tangent=direction, sign=sign, log=log)
 
 
+@lru_cache(maxsize=64)
 def _signs(shape: tuple[int, ...], pattern: int) -> NDArray[np.float64]:
     places = np.arange(math.prod(shape)).reshape(shape)
     return np.where(pattern * places % 7 % 2, 1.0, -1.0)

@@ -39,6 +39,8 @@ def extents(problem: AlgebraicProblem, u: NDArray[np.float64]) -> NDArray[np.flo
 
 def in_lockstep(sizes: NDArray[np.float64], period: int) -> NDArray[np.float64]:
     """Return the largest size of each state along a map orbit, for all its points, shape (n,)."""
+    if period == 1:
+        return sizes.copy()
     return np.tile(sizes.reshape(period, -1).max(axis=0), period)
 
 
@@ -125,7 +127,7 @@ def _way(
         away *= 10.0**exponent
         with np.errstate(all="ignore"):
             residual = problem.evaluate(u + away)[0]
-        if not np.all(np.isfinite(residual)):
+        if not np.isfinite(residual).all():
             return away[:n], np.full(n, math.inf)
         return away[:n], responses(J[:, :n], residual[:, None], sizes)[:, 0]
 

@@ -117,7 +117,7 @@ class Stretch:
         table = np.vstack([known, tests])
         arcs = np.concatenate([[before.arc - point.arc, 0.0], np.cumsum(self.numbers[:, 4])])
         signs = np.sign(table)
-        still = np.all((signs[1:] == signs[:-1]) & (signs[1:] != 0.0), axis=1)[1:]
+        still = ((signs[1:] == signs[:-1]) & (signs[1:] != 0.0)).all(axis=1)[1:]
         still &= (np.abs(tests[:, 2]) > FAINT) & ~self._uneven()
         still &= self.unstable == np.concatenate([[point.examined.data.unstable], self.unstable[:-1]])
         still &= ~_returning(table, arcs)
@@ -126,7 +126,7 @@ class Stretch:
         if passed.size and passed[0]:
             return 0
         still &= ~np.append(passed[1:], False)
-        kept = int(np.argmin(still)) if not np.all(still) else self.taken
+        kept = int(np.argmin(still)) if not still.all() else self.taken
         return self._before_return(point, kept)
 
     def _uneven(self) -> NDArray[np.bool_]:
@@ -180,7 +180,9 @@ class Stretch:
 def spectra(problem: EquilibriumProblem, places: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the eigenvalues at unknowns (places, n + 1), in any order; NaN where the Jacobian is not finite."""
     matrices = problem.matrices(places)
-    finite = np.all(np.isfinite(matrices), axis=(1, 2))
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    if finite.all():
+        return np.linalg.eigvals(matrices).astype(np.complex128)
     values = np.full(matrices.shape[:2], complex(np.nan))
     values[finite] = np.linalg.eigvals(matrices[finite])
     return values
@@ -220,11 +222,13 @@ def _returning(table: NDArray[np.float64], arcs: NDArray[np.float64]) -> NDArray
     A parabola through three points, its curvature doubled, gives the least value of a function within the last step:
     as `saltus.continuation.core.arclength` judges a single step.
     """
-    back, ahead = np.abs(np.diff(arcs))[:-1, None], np.abs(np.diff(arcs))[1:, None]
-    start, change = table[1:-1], np.diff(table, axis=0)[1:]
-    dip = TWO_ZEROS * (change / ahead - np.diff(table, axis=0)[:-1] / back) / (ahead + back) * ahead * ahead
+    lengths = np.abs(arcs[1:] - arcs[:-1])[:, None]
+    back, ahead = lengths[:-1], lengths[1:]
+    moves = table[1:] - table[:-1]
+    start, change = table[1:-1], moves[1:]
+    dip = TWO_ZEROS * (change / ahead - moves[:-1] / back) / (ahead + back) * ahead * ahead
     side = np.where(start < 0.0, -1.0, 1.0)
     start, change, dip = start * side, change * side, dip * side
     least = 0.25 * (dip + change * change / np.where(dip > 0.0, dip, 1.0))
     turns = (start > 0.0) & (start > -change) & (np.abs(change) < dip) & (start + 0.5 * change < least)
-    return np.asarray(np.any(turns, axis=1))
+    return np.asarray(turns.any(axis=1))

@@ -80,6 +80,8 @@ class AlgebraicCurve(SolutionCurve[Solved]):
     def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """See `SolutionCurve.extremes`."""
         states = self.unknowns.reshape(len(self), -1, len(self.system.states))
+        if states.shape[1] == 1:
+            return states[:, 0], states[:, 0]
         return states.min(axis=1), states.max(axis=1)
 
     def _scale(self) -> NDArray[np.float64]:

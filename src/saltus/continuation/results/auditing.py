@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,7 +19,13 @@ from saltus.continuation.results.audit import Audit, Breach
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.liouville import liouville
 from saltus.continuation.results.locus_ledger import holds, other_values, signs_of_coefficient
-from saltus.continuation.results.stability_ledger import at_one, contradicted_labels, critical_rows, unexplained
+from saltus.continuation.results.stability_ledger import (
+    at_one,
+    contradicted_labels,
+    critical_rows,
+    growing,
+    unexplained,
+)
 from saltus.errors import SaltusError
 from saltus.orbits.records import changes_nothing
 from saltus.orbits.signature import Signature
@@ -45,13 +52,13 @@ def audited(curve: Curve, remarks: Sequence[str] = (), last: tuple[Any, Any] | N
     as they were left.
     """
     if len(curve) < 2:
-        return replace(curve, audit=Audit((), (("forward", 0),), tuple(remarks)))
-    seen = _Seen.of(curve)
+        return curve._with_audit(Audit((), (("forward", 0),), tuple(remarks)))
+    seen, counts = _Seen.of(curve), growing(curve)
     told = {
-        "forward": _forward(seen),
+        "forward": _forward(seen, counts),
         "twice": _twice(seen),
-        "ledger": unexplained(curve),
-        "label": contradicted_labels(curve),
+        "ledger": unexplained(curve, counts),
+        "label": contradicted_labels(curve, counts),
         "Liouville": liouville(curve, last),
     }
     if len(curve.varied) > 1:
@@ -64,7 +71,7 @@ def audited(curve: Curve, remarks: Sequence[str] = (), last: tuple[Any, Any] | N
         Breach(name, text, place, _values_at(seen, place)) for name, (found, _) in told.items() for place, text in found
     ]
     checked = tuple((name, count) for name, (_, count) in told.items())
-    return replace(curve, audit=Audit(tuple(breaches), checked, (*remarks, *_families(seen))))
+    return curve._with_audit(Audit(tuple(breaches), checked, (*remarks, *_families(seen))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,57 +81,84 @@ class _Seen:
     curve: Any
     values: NDArray[np.float64]  # (point, parameter)
     rounding: NDArray[np.float64]  # (parameter,): changes that are none
-    quantities: NDArray[np.float64]  # (point, quantity), each over its range along the curve
-    closed: bool
 
     @classmethod
-    def of(cls, curve: SolutionCurve[Any]) -> _Seen:
+    def of(cls, curve: Any) -> _Seen:
         values = curve.values.reshape(len(curve), -1)
-        own = [*curve.extremes, *(np.reshape(column, (len(curve), -1)) for column in _further(curve))]
-        table = np.hstack(own)
+        # what is left of the equations' error moves the parameters, in units of their intervals
+        solved = followed(curve.tolerance) if "tolerance" in vars(curve) else NEWTON_AT_ROUNDING
+        rounding = []
+        for column, width in zip(values.T.tolist(), _intervals(curve), strict=True):
+            first, last = min(column), max(column)
+            rounding.append(LOCATED * 1e-2 * (last - first) + solved * max(abs(first), abs(last), width))
+        return cls(curve, values, np.array(rounding))
+
+    @property
+    def closed(self) -> bool:
+        """Whether the curve ends where it began."""
+        return any("closed" in reason for reason in self.curve.stopped)
+
+    @cached_property
+    def size(self) -> float:
+        """Size of the largest state."""
+        lows, highs = self.curve.extremes
+        return float(np.maximum(np.abs(lows).max(initial=0.0), np.abs(highs).max(initial=0.0))) or 1.0
+
+    @cached_property
+    def quantities(self) -> NDArray[np.float64]:
+        """The quantities, (point, quantity), each over its range along the curve."""
+        curve = self.curve
+        table = np.hstack([*curve.extremes, *(np.reshape(column, (len(curve), -1)) for column in _further(curve))])
         sizes = np.abs(table).max(axis=0, initial=0.0)
-        if (means := getattr(curve, "means", None)) is not None:
+        if (means := vars(curve).get("means")) is not None:
             # a mean that is 0 by symmetry is rounding of what it is the mean of
-            ends: Any = curve
-            known = np.maximum(np.abs(ends.lows), np.abs(ends.highs)).max(axis=0, initial=0.0)
+            known = np.maximum(np.abs(curve.lows), np.abs(curve.highs)).max(axis=0, initial=0.0)
             sizes[-means.shape[1] :] = known[: means.shape[1]]
-        finite = np.all(np.isfinite(table), axis=0)
+        finite = np.isfinite(table).all(axis=0)
         table, sizes = table[:, finite], sizes[finite]
         ranges = np.ptp(table, axis=0)
         kept = ranges > LOCATED * sizes
-        # what is left of the equations' error moves the parameters, in units of their intervals
-        solved = followed(curve.tolerance) if hasattr(curve, "tolerance") else NEWTON_AT_ROUNDING
-        wide = np.maximum(np.abs(values).max(axis=0), _intervals(curve))
-        rounding = LOCATED * 1e-2 * np.ptp(values, axis=0) + solved * wide
-        closed = any("closed" in reason for reason in curve.stopped)
-        return cls(curve, values, rounding, table[:, kept] / ranges[kept], closed)
+        return np.asarray(table[:, kept] / ranges[kept])
 
     def events(self, i: int) -> list[int]:
         """Return the transitions that make an orbit of a flow, each as often as it happens; none of other solutions."""
-        form = self.curve.forms[self.curve.form[i]] if hasattr(self.curve, "forms") else None
+        form = self.curve.forms[self.curve.form[i]] if "forms" in vars(self.curve) else None
         if not isinstance(form, Signature):
             return []
         transitions = self.curve.system.transitions
         return sorted(k for k in form.transitions if k >= 0 and not changes_nothing(transitions[k]))
 
-    def turns(self, k: int) -> list[tuple[int, int]]:
-        """Return between which points, the first and the last of a turn, a parameter turns."""
-        moves = np.diff(self.values[:, k])
-        moving = np.flatnonzero(np.abs(moves) > self.rounding[k]).tolist()
-        return [(i, j + 1) for i, j in pairwise(moving) if moves[i] * moves[j] < 0.0]
+    @cached_property
+    def moves(self) -> list[list[float]]:
+        """Changes of each parameter from point to point."""
+        return [[b - a for a, b in pairwise(column)] for column in self.values.T.tolist()]
+
+    @cached_property
+    def turns(self) -> list[list[tuple[int, int]]]:
+        """Between which points, the first and the last of a turn, each parameter turns."""
+        found: list[list[tuple[int, int]]] = []
+        for moves, rounding in zip(self.moves, self.rounding.tolist(), strict=True):
+            if min(moves) > rounding or max(moves) < -rounding:  # nearly all curves
+                found.append([])
+                continue
+            moving = [i for i, move in enumerate(moves) if abs(move) > rounding]
+            found.append([(i, j + 1) for i, j in pairwise(moving) if moves[i] * moves[j] < 0.0])
+        return found
 
 
-def _intervals(curve: Any) -> NDArray[np.float64]:
-    """Return the widths of the intervals of the parameters, shape (parameter,); 0 where there is none."""
+def _intervals(curve: Any) -> list[float]:
+    """Return the widths of the intervals of the parameters; 0 where there is none."""
     bounds = curve.options.get("bounds", ())
-    listed = [bounds.get(name, ()) for name in curve.varied] if isinstance(bounds, Mapping) else [bounds]
-    widths = np.array([np.ptp(pair) if len(pair) == 2 else 0.0 for pair in listed])
-    return np.where(np.isfinite(widths), widths, 0.0)
+    listed = (
+        [bounds.get(name, ()) for name in curve.varied] if isinstance(bounds, Mapping) else [bounds] * len(curve.varied)
+    )
+    widths = [abs(pair[1] - pair[0]) if len(pair) == 2 else 0.0 for pair in listed]
+    return [width if math.isfinite(width) else 0.0 for width in widths]
 
 
 def _further(curve: Any) -> list[NDArray[np.float64]]:
     """Return further quantities of orbits that no shift of time changes."""
-    return [curve.period, curve.means] if hasattr(curve, "means") else []
+    return [curve.period, curve.means] if "means" in vars(curve) else []
 
 
 def _values_at(seen: _Seen, place: float) -> tuple[float, ...]:
@@ -147,9 +181,12 @@ def _families(seen: _Seen) -> list[str]:
     Along a canard, and next to a homoclinic orbit, the parameter rests as well, but no multiplier stays at 1. Where it
     turns, as at a pitchfork, solutions differ by the root of its error at most, or by the fourth root.
     """
-    if seen.values.shape[1] > 1 or getattr(seen.curve, "fixed", None) is not None:
+    if seen.values.shape[1] > 1 or vars(seen.curve).get("fixed") is not None:
         return []
-    rests, family = np.abs(np.diff(seen.values[:, 0])) <= seen.rounding[0], at_one(seen.curve)
+    rounding = float(seen.rounding[0])
+    if not any(abs(move) <= rounding for move in seen.moves[0]):
+        return []
+    rests, family = np.abs(np.array(seen.moves[0])) <= rounding, at_one(seen.curve)
     rests &= family[1:] & family[:-1]
     differ = np.abs(np.diff(seen.quantities, axis=0)).max(axis=1, initial=0.0) > LOCATED
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rests & differ, [0]])))
@@ -162,15 +199,15 @@ def _families(seen: _Seen) -> list[str]:
     ]
 
 
-def _forward(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
+def _forward(seen: _Seen, counts: NDArray[np.int64] | None) -> tuple[list[tuple[float, str]], int]:
     """Return where a parameter turns without a point that explains it, and where a curve goes back on itself."""
     found, count = [], 0
-    if getattr(seen.curve, "fixed", None) is not None:  # along a quantity, which turns as it likes
+    if vars(seen.curve).get("fixed") is not None:  # along a quantity, which turns as it likes
         return [], 0
     places = [point.position for point in seen.curve.special_points if point.type in _TURNING]
-    turns = [(k, name, *ends) for k, name in enumerate(seen.curve.varied) for ends in seen.turns(k)]
+    turns = [(k, name, *ends) for k, name in enumerate(seen.curve.varied) for ends in seen.turns[k]]
     if turns:
-        critical = critical_rows(seen.curve)  # where a branch starts at a fold, this is no special point of it
+        critical = critical_rows(seen.curve, counts)  # where a branch starts at a fold, this is no special point of it
         for k, name, i, j in turns:
             count += 1
             middle = 0.5 * (i + j)
@@ -203,7 +240,7 @@ def _off_line(seen: _Seen, k: int, segment: tuple[int, int], b: int) -> float | 
     start, width = seen.values[a, k], seen.values[c, k] - seen.values[a, k]
     if abs(width) <= seen.rounding[k] or not 0.0 <= (share := (seen.values[b, k] - start) / width) <= 1.0:
         return None
-    chord = np.hstack([seen.quantities[c] - seen.quantities[a]])
+    chord = seen.quantities[c] - seen.quantities[a]
     line = seen.quantities[a] + share * chord
     length = float(np.abs(chord).max(initial=0.0))
     return float(np.abs(seen.quantities[b] - line).max(initial=0.0)) / length if length > 0.0 else None
@@ -213,17 +250,18 @@ def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
     """Return special points that are there twice, and where a branch covers solutions that it had before."""
     found = []
     points = list(seen.curve.special_points)
-    wide = np.maximum(np.ptp(seen.values, axis=0), seen.rounding)
-    extents = [seen.curve._extent(point.solution) for point in points]
-    known = np.concatenate(seen.curve.extremes)
-    size = float(np.abs(known).max(initial=0.0)) or 1.0
+    several = len(points) > 1
+    wide = np.maximum(np.ptp(seen.values, axis=0), seen.rounding) if several else seen.rounding
+    extents = [seen.curve._extent(point.solution) for point in points] if several else []
     for i, point in enumerate(points):
         for k in range(i):
             other = points[k]
             if (point.type, point.of) != (other.type, other.of) or extents[i].shape != extents[k].shape:
                 continue
             apart = [abs(point.value(name) - other.value(name)) for name in seen.curve.varied]
-            near = same(apart, np.zeros(len(apart)), LOCATED * wide) and same(extents[i], extents[k], LOCATED * size)
+            near = same(apart, np.zeros(len(apart)), LOCATED * wide) and same(
+                extents[i], extents[k], LOCATED * seen.size
+            )
             longer, shorter = (getattr(one.solution, "period", 0.0) for one in (point, other))
             # next to a homoclinic orbit cycles differ by their periods alone
             near = near and same(longer, shorter, LOCATED * abs(longer))
@@ -234,7 +272,7 @@ def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
             ):
                 found.append((point.position, f"{point.label} is {other.label} once more"))
     # a parameter that never turns comes to no value twice
-    if seen.values.shape[1] == 1 and seen.turns(0) and (place := _covered(seen)) is not None:
+    if seen.values.shape[1] == 1 and seen.turns[0] and (place := _covered(seen)) is not None:
         found.append((float(place), f"from {_told(seen, place)} on, solutions are there a second time"))
     return found, len(points)
 

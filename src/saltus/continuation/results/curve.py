@@ -6,7 +6,7 @@ import json
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -80,6 +80,12 @@ class SolutionCurve(Result, Generic[Solved]):
     def __post_init__(self) -> None:
         for name, kind in self.kinds.items():
             object.__setattr__(self, name, frozen(getattr(self, name), kind))
+
+    def _with_audit(self, audit: Audit) -> Self:
+        """Return the curve with an audit; the rest is checked already."""
+        found = object.__new__(type(self))
+        vars(found).update(vars(self), audit=audit)
+        return found
 
     @property
     def conserved(self) -> dict[str, float]:

@@ -38,7 +38,7 @@ def liouville(curve: Any, last: tuple[Any, Any] | None = None) -> tuple[list[tup
     The equations of the last point are still made for it. On a short curve it is the only one, unless it tells nothing.
     """
     found: list[tuple[float, str]] = []
-    if not hasattr(curve, "means") or len(curve.varied) > 1:
+    if "means" not in vars(curve) or len(curve.varied) > 1:
         return found, 0
     told = _at_last(curve, *last, found) if last is not None else 0
     count = min(_POINTS, 1 + len(curve) // _EACH) - told

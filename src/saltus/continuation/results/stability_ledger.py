@@ -29,7 +29,7 @@ from saltus.scales import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["at_one", "contradicted_labels", "critical_rows", "unexplained"]
+__all__ = ["at_one", "contradicted_labels", "critical_rows", "growing", "unexplained"]
 
 _SINGLE = ("SN", "PD")  # types at which one direction begins to grow or to shrink
 _PAIRED = ("TR", "HB")  # types at which two do
@@ -39,83 +39,100 @@ _BORDER = "the domain of mode"  # what the end of a branch says where a mode's e
 
 def _critical(curve: Any) -> NDArray[np.complex128] | None:
     """Return the multipliers that tell stability, or the eigenvalues, shape (point, value); None for other kinds."""
-    if hasattr(curve, "eigenvalues"):
+    if "eigenvalues" in vars(curve):
         return np.asarray(curve.eigenvalues)
-    if not hasattr(curve, "multipliers"):
+    if "multipliers" not in vars(curve):
         return None
     values = np.asarray(curve.multipliers)
-    trivial = hasattr(curve, "means") and curve.system.phase is None  # that of the flow stands last
+    trivial = "means" in vars(curve) and curve.system.phase is None  # that of the flow stands last
     return values[:, :-1] if trivial else values
 
 
-def _counts(curve: Any) -> NDArray[np.int64]:
-    """Return the least and the greatest number of directions that may grow at each point, (point, 2); -1 if unknown."""
-    values = _critical(curve)
-    assert values is not None
-    if hasattr(curve, "eigenvalues"):
+def growing(curve: Any) -> NDArray[np.int64] | None:
+    """Return the least and the greatest number of directions that may grow at each point, (point, 2); -1 if unknown.
+
+    None where no eigenvalues or multipliers tell them, and along loci.
+    """
+    values = _critical(curve) if len(curve.varied) == 1 else None
+    if values is None:
+        return None
+    if "eigenvalues" in vars(curve):
         errors = NEUTRAL * _sizes(curve, values)
         growth = values.real
     else:
         moduli = np.abs(values)
         growth = np.where(np.isfinite(moduli), moduli - 1.0, math.inf)
-        errors = value_error(getattr(curve, "tolerance", SOLVED)) * np.maximum(
+        errors = value_error(vars(curve).get("tolerance", SOLVED)) * np.maximum(
             1.0, np.where(growth < 1e300, moduli, 1.0)
         )
-    known = np.column_stack([np.sum(growth > errors, axis=1), np.sum(growth >= -errors, axis=1)])
-    known[np.any(np.isnan(values), axis=1)] = -1
+    known = np.empty((len(values), 2), dtype=np.int64)
+    known[:, 0], known[:, 1] = (growth > errors).sum(axis=1), (growth >= -errors).sum(axis=1)
+    if not np.isfinite(values).all():
+        known[np.isnan(values).any(axis=1)] = -1
     return known
 
 
 def _sizes(curve: Any, values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the sizes of the eigenvalues, shape (point, value), in the order in which they are held."""
+    """Return the sizes of the eigenvalues, shape (point, value), in the order in which they are held; or (point, 1)."""
     moduli = np.abs(values)
     top = moduli.max(axis=1, initial=0.0)
+    slow = moduli.min(axis=1, initial=math.inf) < SEPARATED * top
+    if not slow.any():
+        return np.asarray(top[:, None])
     found = np.repeat(top[:, None], values.shape[1], axis=1)
-    for i in np.flatnonzero(moduli.min(axis=1, initial=math.inf) < SEPARATED * top).tolist():
+    for i in np.flatnonzero(slow).tolist():
         found[i] = curve.solution(i).value_sizes
     return found
 
 
-def unexplained(curve: Any) -> tuple[list[tuple[float, str]], int]:
-    """Return where the number of growing directions changes by what no special point between explains."""
-    if (
-        len(curve.varied) > 1
-        or _critical(curve) is None
-        or (getattr(curve, "fixed", None) or curve).__dict__.get("family")
-    ):
+def unexplained(curve: Any, counts: NDArray[np.int64] | None) -> tuple[list[tuple[float, str]], int]:
+    """Return where the number of growing directions changes by what no special point between explains.
+
+    counts: what `growing` returns.
+    """
+    if counts is None or (vars(curve).get("fixed") or curve).__dict__.get("family"):
         return [], 0
-    counts = _counts(curve)
-    width = counts[:, 1] - counts[:, 0]
+    rows = counts.tolist()
     for end, reason in zip((0, -1), curve.stopped, strict=True):
         if _BORDER in reason:  # the equations may be 0/0 there
-            counts[end] = -1
-    known = np.flatnonzero(counts[:, 0] >= 0)
-    if known.size < 2:
+            rows[end] = [-1, -1]
+    known = [i for i, (least, _) in enumerate(rows) if least >= 0]
+    if len(known) < 2:
         return [], 0
-    slack = int(width[known].min())
-    clear = known[width[known] == slack].tolist()
+    slack = min(rows[i][1] - rows[i][0] for i in known)
+    clear = [i for i in known if rows[i][1] - rows[i][0] == slack]
     points = sorted(curve.special_points, key=lambda point: point.position)
-    found, told = [], 0
+    places = [point.position for point in points]
+    found, told, first = [], 0, 0
     for i, j in pairwise(clear):
+        while first < len(points) and places[first] <= i - 1.0:
+            first += 1
         # the point at which a signature changes has the multipliers of either
-        between = [point for point in points if i - _wide(point) < point.position < j + _wide(point)]
-        change = int(counts[j, 0] - counts[i, 0])
+        between = []
+        if first < len(points) and places[first] < j + 1.0:
+            between = [point for point in points[first:] if i - _wide(point) < point.position < j + _wide(point)]
+        change = rows[j][0] - rows[i][0]
+        if not between and abs(change) <= slack:
+            told += 1
+            continue
         explained = _explained(curve, between, change, slack)
         if explained is False and j > i + 1:
             explained = None  # a point of the branch is critical itself, as where it starts at a fold
         told += explained is not None
         if explained is False:
             names = ", ".join(point.label for point in between) or "nothing"
-            text = f"{counts[i, 0]} growing directions at point {i}, {counts[j, 0]} at point {j}: {names} lies between"
+            text = f"{rows[i][0]} growing directions at point {i}, {rows[j][0]} at point {j}: {names} lies between"
             found.append((0.5 * (i + j), text))
     return found, told
 
 
-def critical_rows(curve: Any) -> NDArray[np.bool_]:
-    """Return which points of a branch are critical within the error of their values, shape (point,)."""
-    if len(curve.varied) > 1 or _critical(curve) is None:
+def critical_rows(curve: Any, counts: NDArray[np.int64] | None) -> NDArray[np.bool_]:
+    """Return which points of a branch are critical within the error of their values, shape (point,).
+
+    counts: what `growing` returns.
+    """
+    if counts is None:
         return np.zeros(len(curve), dtype=np.bool_)
-    counts = _counts(curve)
     width = counts[:, 1] - counts[:, 0]
     return np.asarray(width > width.min())
 
@@ -132,7 +149,7 @@ def _explained(curve: Any, between: list[Any], change: int, slack: int) -> bool 
     """
     reached = {0}
     for point in between:
-        if point.type == "HB" and not hasattr(curve, "eigenvalues"):
+        if point.type == "HB" and "eigenvalues" not in vars(curve):
             return None
         if point.type not in (*_SINGLE, *_PAIRED, "BP") and _says_nothing(point):
             continue
@@ -152,10 +169,13 @@ def _says_nothing(point: Any) -> bool:
     return point.type in _FREE or point.type not in POINT_TYPES
 
 
-def contradicted_labels(curve: Any) -> tuple[list[tuple[float, str]], int]:
-    """Return special points whose critical value is none, and points whose stability contradicts their values."""
+def contradicted_labels(curve: Any, counts: NDArray[np.int64] | None) -> tuple[list[tuple[float, str]], int]:
+    """Return special points whose critical value is none, and points whose stability contradicts their values.
+
+    counts: what `growing` returns.
+    """
     found, told = [], 0
-    error = critical_error(getattr(curve, "tolerance", SOLVED))
+    error = critical_error(vars(curve).get("tolerance", SOLVED))
     borders = [point.value(curve.varied[0]) for point in curve.special_points if point.type in CHANGES]
     for point in curve.special_points if len(curve.varied) == 1 else ():
         away = _away(curve, point)
@@ -165,16 +185,15 @@ def contradicted_labels(curve: Any) -> tuple[list[tuple[float, str]], int]:
         if not away <= error + POINT_OF_BRANCH * _speed(curve, point):
             value = "eigenvalue" if point.solution.at_rest and hasattr(point.solution, "eigenvalues") else "multiplier"
             found.append((point.position, f"{point.label} has no critical {value}: the nearest is {away:.2g} away"))
-    if _critical(curve) is None or len(curve.varied) > 1:
+    if counts is None:
         return found, told
-    counts = _counts(curve)
-    wrong = ((counts[:, 0] > 0) & curve.stable) | ((counts[:, 1] == 0) & ~curve.stable)
-    rows = counts.tolist()
+    rows, stable = counts.tolist(), curve.stable.tolist()
     found += [
-        (float(i), f"stable is {bool(curve.stable[i])}, but {rows[i][0]} to {rows[i][1]} directions grow")
-        for i in np.flatnonzero(wrong).tolist()
+        (float(i), f"stable is {quiet}, but {least} to {most} directions grow")
+        for i, ((least, most), quiet) in enumerate(zip(rows, stable, strict=True))
+        if (least > 0 if quiet else most == 0)
     ]
-    return found, told + int(np.sum(counts[:, 0] >= 0))
+    return found, told + sum(least >= 0 for least, _ in rows)
 
 
 def _speed(curve: Any, point: Any) -> float:
@@ -183,7 +202,7 @@ def _speed(curve: Any, point: Any) -> float:
     On a canard that is so fast that the point's place, as far as it is known, moves a critical one.
     """
     values, first = _critical(curve), int(point.position)
-    if values is None or hasattr(curve, "eigenvalues") or not 0 <= first < len(values) - 1:
+    if values is None or "eigenvalues" in vars(curve) or not 0 <= first < len(values) - 1:
         return 0.0
     moved, apart = np.abs(values[first + 1] - values[first]), float(curve.arclength[first + 1] - curve.arclength[first])
     return float(moved.max(initial=0.0)) / apart if apart > 0.0 and np.all(np.isfinite(moved)) else 0.0
@@ -191,11 +210,11 @@ def _speed(curve: Any, point: Any) -> float:
 
 def at_one(curve: Any) -> NDArray[np.bool_]:
     """Return at which points a multiplier is at 1 within its error, as all along a family; all where none is known."""
-    values = None if hasattr(curve, "eigenvalues") else _critical(curve)
+    values = None if "eigenvalues" in vars(curve) else _critical(curve)
     if values is None:
         return np.ones(len(curve), dtype=bool)
     away = np.abs(values - 1.0).min(axis=1, initial=math.inf)
-    return np.asarray(~(away > critical_error(getattr(curve, "tolerance", SOLVED))))
+    return np.asarray(~(away > critical_error(vars(curve).get("tolerance", SOLVED))))
 
 
 def _together(curve: Any, point: Any, value: float) -> bool:
@@ -208,11 +227,12 @@ def _away(curve: Any, point: Any) -> float | None:
     """Return how far the nearest value is from critical at an SN, BP, PD, TR or HB; None where it cannot be told."""
     solution = point.solution
     if isinstance(solution, Equilibrium):
-        values, sizes = solution.eigenvalues, solution.value_sizes
-        if np.ptp(sizes) == 0.0:  # all eigenvalues may vanish at the point
-            first = min(int(point.position), len(curve) - 1)
-            sizes = np.maximum(sizes, np.abs(curve.eigenvalues[first : first + 2]).max())
+        values = solution.eigenvalues
         if point.type in ("SN", "BP"):
+            sizes = solution.value_sizes
+            if np.ptp(sizes) == 0.0:  # all eigenvalues may vanish at the point
+                first = min(int(point.position), len(curve) - 1)
+                sizes = np.maximum(sizes, np.abs(curve.eigenvalues[first : first + 2]).max())
             return float(np.min(np.abs(values) / np.where(sizes > 0.0, sizes, 1.0)))
         pairs = values[values.imag > 0.0] if point.type == "HB" else values[:0]
         return (
@@ -225,7 +245,7 @@ def _away(curve: Any, point: Any) -> float | None:
     values = solution.multipliers
     if hasattr(solution, "durations") and solution.system.phase is None:
         values = values[:-1]
-    error = value_error(curve.tolerance) if hasattr(curve, "tolerance") else EPS
+    error = value_error(curve.tolerance) if "tolerance" in vars(curve) else EPS
     if not np.all(np.isfinite(values)) or error * float(np.abs(values).max(initial=0.0)) > LIKE_ONE:
         return None  # beside so large a multiplier one near the unit circle has no digits left
     if point.type == "TR":

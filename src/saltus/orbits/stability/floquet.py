@@ -232,7 +232,7 @@ def _of_pieces(
         laws, units = problem.system.laws, scale[: len(problem.system.states)]
         leaf = Leaf(laws.matrix(problem.parameters_at(u)) * units, np.ones(units.size))
         maps, left = leaf.within(maps), leaf.widened(problem.n)
-    if not np.all(np.isfinite(maps)):  # on a mesh too coarse for the sensitivities
+    if not np.isfinite(maps).all():  # on a mesh too coarse for the sensitivities
         return np.full(maps.shape[1] - (problem.system.phase is not None), np.nan + 0j)
     if problem.system.phase is not None:
         return _of_product(maps[:, :-1, :-1])
@@ -311,7 +311,7 @@ def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.c
     if not P.size:
         return np.empty(0, dtype=np.complex128)
     units = dgebal(np.abs(P) + np.abs(R), scale=1, permute=0)[3]  # powers of two
-    if np.all(np.isfinite(units)):
+    if np.isfinite(units).all():
         P, R = P * units / units[:, None], R * units / units[:, None]
     re, im, beta, _, _, _, info = dggev(P, R, compute_vl=0, compute_vr=0)
     if info != 0:
