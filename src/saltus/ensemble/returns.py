@@ -263,7 +263,7 @@ class ManyReturns:
 
     def _weights(self, start: Start) -> NDArray[np.float64]:
         """Return the inverse units of the perturbations of a motion: the sizes of its states between two looks."""
-        from saltus.flow.kernels.frame_units import weigh
+        from saltus.flow.kernels.shares import weigh
 
         n, (rtol, atol) = len(self.system.states), self.tolerance
         run = EventDrivenMotion(

@@ -152,10 +152,9 @@ class PeriodicOrbit(Solution):
         return self.fixed.value if self.fixed is not None and self.fixed.quantity == name else None
 
     def _multiplicity(self, type: str, varied: Sequence[str]) -> int:
-        count = multiplicity(self.multipliers[:-1] if self.system.phase is None else self.multipliers, type)
         # the direction along a family has the multiplier 1 at all of its orbits
         along = type in ("SN", "BP") and self.fixed is not None and self.fixed.family
-        return max(count - along, 1)
+        return max(multiplicity(self.multipliers[: -1 if self.system.phase is None else None], type) - along, 1)
 
     @property
     def reasons(self) -> tuple[str, ...]:

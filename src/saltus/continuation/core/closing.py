@@ -6,19 +6,21 @@ docs/theory/continuation.md, "Closed curves", explains the tests.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from saltus.continuation.core.zero_problem import Point, ZeroProblem, correct, hermite, hermite_slope
 from saltus.scales import SAME_POINT
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.core.arclength import StepControl
 
-__all__ = ["Passed", "between", "passed", "reach"]
+__all__ = ["Passed", "between", "closes", "passed", "reach"]
 
 _ITERATIONS = 20  # most steps to the place of a cubic that is straight beside a point
 _PARALLEL = 0.9  # least cosine of the angle between a curve and itself, one round later
@@ -119,3 +121,20 @@ def _same(problem: ZeroProblem, start: Point, there: Point, tangent: NDArray[np.
         return False
     own = correct(problem, start.u, tangent, weights, control.iterations)
     return isinstance(own, Point) and math.sqrt(float(weights @ (there.u - own.u) ** 2)) < SAME_POINT
+
+
+def closes(
+    branch: ZeroProblem, origin: Point, last: Point, new: Point, control: StepControl, circles: NDArray[np.int64]
+) -> Passed | None:
+    """Return the start of a curve of solutions where the step from `last` to `new` passes it, else None.
+
+    circles: angles among the unknowns; the start that is returned lies whole turns from the one given, next to `last`.
+    """
+    length = new.arc - last.arc
+    slopes = length * float(last.tangent[-1]), length * float(new.tangent[-1])
+    ends = last.parameter, new.parameter
+    if last.arc <= SAME_POINT or not between(origin.parameter, ends, slopes, reach(control, last, new)):
+        return None
+    near = replace(origin, u=last.u + wrapped(origin.u - last.u, circles)) if circles.size else origin
+    met = passed(branch, near, last, new, control)
+    return None if met is None else Passed(near, met.arc)

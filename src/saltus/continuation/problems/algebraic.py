@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus import scales
-from saltus.continuation.core.closing import Passed, between, passed, reach
 from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.value_tests import Tested, border_tests
@@ -26,17 +25,15 @@ from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.problems.point_data import PointData, has_pair, searched_by_size
 from saltus.continuation.problems.watching import slope
 from saltus.equilibria.spectrum import FAINT, multiplicity, pair_product, sized_eigenvalues, terms_at, unstable_count
-from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.core.arclength import StepControl
     from saltus.continuation.core.interest import Interest
-    from saltus.continuation.core.zero_problem import ZeroProblem
     from saltus.continuation.problems.point_data import Sized
 
-__all__ = ["AlgebraicZeroProblem", "closes"]
+__all__ = ["AlgebraicZeroProblem"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -435,20 +432,3 @@ class AlgebraicZeroProblem:
             return
         before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0][0]})
         monitors[name] = ends[1][0]
-
-
-def closes(
-    branch: ZeroProblem, origin: Point, last: Point, new: Point, control: StepControl, circles: NDArray[np.int64]
-) -> Passed | None:
-    """Return the start of a curve of solutions where the step from `last` to `new` passes it, else None.
-
-    circles: angles among the unknowns; the start that is returned lies whole turns from the one given, next to `last`.
-    """
-    length = new.arc - last.arc
-    slopes = length * float(last.tangent[-1]), length * float(new.tangent[-1])
-    ends = last.parameter, new.parameter
-    if last.arc <= scales.SAME_POINT or not between(origin.parameter, ends, slopes, reach(control, last, new)):
-        return None
-    near = replace(origin, u=last.u + wrapped(origin.u - last.u, circles)) if circles.size else origin
-    met = passed(branch, near, last, new, control)
-    return None if met is None else Passed(near, met.arc)

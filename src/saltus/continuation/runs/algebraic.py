@@ -11,9 +11,10 @@ import numpy as np
 
 from saltus.algebraic.conditions import solve_branch_point, solve_saddle_node
 from saltus.continuation.core.arclength import StepControl, follow
+from saltus.continuation.core.closing import closes
 from saltus.continuation.core.multiple import crossing_point
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
-from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, closes
+from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
 from saltus.continuation.problems.extents import extents
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_value

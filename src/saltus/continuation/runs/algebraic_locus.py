@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from saltus.continuation.core.closing import closes
 from saltus.continuation.core.zero_problem import Event, Examined, Point
-from saltus.continuation.problems.algebraic import closes
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
 from saltus.continuation.problems.critical_points import critical_condition
 from saltus.continuation.problems.extents import extents

@@ -58,16 +58,16 @@ def attempt(functions, mode, n, p, n_states, h, before, x, rtol, atol, x_end, gu
     return error
 
 
-@cfunc(
-    float64(*SYSTEM, float64, float64, float64, NUMBERS, int64, NUMBERS, NUMBERS, NUMBERS, NUMBERS), error_model="numpy"
-)
-def carry(functions, mode, n, p, h, whole, begun, guess, columns, y, trial, weights, rough):
-    """Take a part `h` of a step of a motion with a frame, from y to trial, (n + n columns,); return whether it is solved.
+@cfunc(float64(*SYSTEM, float64, float64, float64, NUMBERS, int64, NUMBERS, NUMBERS, NUMBERS), error_model="numpy")
+def carry(functions, mode, n, p, h, whole, begun, guess, columns, y, weights, rough):
+    """Take a part `h` of a step of a motion with a frame, from y to what follows it; return whether it is solved.
+
+    Both are (n + n columns,).
 
     The part begins at `begun` of the step's length `whole`; guess: (7 n,), the step's dense output. What the polynomial
     of highest degree adds to each column is left in `rough`, (columns,), in units 1/weights of the components.
     """
-    segment = Segment(functions, mode, 1.0, p, n)
+    segment, trial = Segment(functions, mode, 1.0, p, n), pointer(y, n * (1 + columns))
     size = STAGES * n
     block, pivots = np.empty(room_for(n) + size * columns + n), np.empty(size, np.int64)
     stages = _stages_in_time(pointer(block, 0), pointer(pivots, 0), n)

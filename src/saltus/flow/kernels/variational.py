@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus.flow.kernels.event import run_kernel
-from saltus.flow.kernels.frame_units import raised, weighed
+from saltus.flow.kernels.shares import raised, weighed
 from saltus.flow.kernels.stages import error_in_units, stage
 from saltus.flow.kernels.state import (
     AGAIN,
@@ -125,7 +125,7 @@ class Frame(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room for a step of state and frame, of length n (1 + columns): pointers to 13 slopes, to its start and its end."""
+    """Room for a step of state and frame, of length n (1 + columns): pointers to 13 slopes, its start and behind it its end."""
 
     slopes: Any
     y: Any
@@ -182,7 +182,6 @@ def _carry(system, implicit, mode, x, h, dense, frame, live, longest, tolerance,
                 dense,
                 columns,
                 y,
-                trial,
                 frame.weights,
                 rough,
             )

@@ -6,7 +6,7 @@ import math
 
 from numba import float64
 
-from saltus.flow.kernels.frame_units import raised, weighed
+from saltus.flow.kernels.shares import raised, weighed
 from saltus.scales import EPS, STATE_ROUNDED
 from saltus.system.angles import TURN
 from saltus.system.numba_tools.machine_code import njit
