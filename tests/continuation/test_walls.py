@@ -62,7 +62,7 @@ def random_wall(seed: int) -> tuple[Wall, list[tuple[str, tuple[float, float]]]]
         hit = saltus.Transition("fly", "fly", z, -1, {"v": "-e*v + (1 + e)*a*w*cos(th)"}, name="hit")
         modes = {"fly": saltus.Mode({"z": "v", "v": "-g"})}
         system = saltus.HybridSystem(("z", "v"), values, modes, [hit], phase=("th", "w"))
-        return Wall(system, "table", 1.0), [("a", (0.2 * length, 5.0 * length)), ("e", (0.02, 0.95))]
+        return Wall(system, "table", 1.0), [("a", (0.2 * length, 12.0 * length)), ("e", (0.02, 0.95))]
     sign, m = float(rng.choice([-1.0, 1.0])), float(10.0 ** rng.uniform(-3.0, 3.0))
     k = m * (w / float(rng.uniform(0.5, 4.0))) ** 2
     values = {"m": m, "k": k, "c": float(rng.uniform(0.0, 0.3)) * np.sqrt(m * k), "w": w, "e": e}
