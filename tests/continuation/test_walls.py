@@ -113,3 +113,20 @@ def test_no_admissible_orbit_of_a_branch_passes_its_wall(seed: int) -> None:
             flights = np.array([[*part.state, part.duration] for part in point.orbit.segments])
             assert wall.least(known | {name: point.value(name)}, flights) > -SMALL, (point, str(branch))
         assert not branch.audit.breaches, str(branch)
+
+
+@pytest.mark.parametrize("seed", guarding(range(30), 1, 12, campaign=6))
+def test_no_admissible_orbit_of_a_locus_passes_its_wall(seed: int) -> None:
+    wall, varied = random_wall(seed)
+    orbit = an_orbit(wall)
+    if orbit is None:
+        pytest.skip("the motions from the starts rest on the wall, or do not repeat")
+    bounds, steps = dict(varied), saltus.StepControl(max_points=80)
+    branch = saltus.continue_orbit(orbit, *varied[0], steps=steps)
+    points = [point for point in branch.special_points if point.type in ("SN", "PD", "GR")]
+    for point in points[-1:]:
+        locus = saltus.continue_locus(point, tuple(bounds), bounds, steps=steps)
+        for i in np.flatnonzero(locus.admissible).tolist():
+            known = dict(orbit.parameters) | dict(zip(locus.varied, locus.values[i].tolist(), strict=True))
+            least = wall.least(known, locus.unknowns[i].reshape(-1, 4))
+            assert least > -SMALL, (i, known, least, str(locus))
