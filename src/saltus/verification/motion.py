@@ -9,13 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.scales import VERIFIED_ENDS, VERIFIED_SEGMENT
+from saltus.scales import VERIFIED_ENDS, VERIFIED_GAP, VERIFIED_SEGMENT
 from saltus.verification.reference import Reference, differences, stencil
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Calls", "Piece", "UnfollowedError", "contacts", "extremes", "follow", "projection", "touching"]
+__all__ = [
+    "Calls",
+    "Piece",
+    "UnfollowedError",
+    "contacts",
+    "extremes",
+    "follow",
+    "projection",
+    "return_behind_hop",
+    "touching",
+]
 
 _RTOL = 1e-12  # relative tolerance of the integration
 _ATOL = 1e-14  # absolute one, over the states' sizes
@@ -23,6 +33,8 @@ _MOST_CALLS = 60_000  # evaluations of the field in a period, from which on the 
 _RTOL_STIFF = 1e-10  # relative tolerance of implicit steps, of order 5
 _MOST_STIFF = 400_000  # evaluations of the field by these, at most: some 20 s
 _FINE = 1e-4  # error of an extreme's place, over the distance of samples
+_EARLY = 200  # times of a segment, evenly on a logarithmic scale, at which a hop behind its start is looked for
+_SHORTEST = 1e-12  # the first of them, over the segment's duration
 _SAMPLES = 400  # states of a segment at which events and extremes are looked for
 
 
@@ -197,6 +209,36 @@ def contacts(
         if ends < time / piece.times[-1] < 1.0 - ends and _continuous(reference, piece, transition, int(i), h):
             found.append((time, float((h[i + 1] - h[i]) / span), unit))
     return found
+
+
+def return_behind_hop(
+    reference: Reference, piece: Piece, transition: int, sizes: NDArray[np.float64], *, stop: bool
+) -> float | None:
+    """Return when a segment that starts on a surface comes back to it behind a hop, however short; None if never.
+
+    Between both `contacts` would see no change of sign.
+    stop: whether the event throws motions back, so that one that rests on the surface and is drawn beyond meets it.
+    """
+    system, start, late = reference.system, piece.states[:, 0], float(piece.times[-1])
+    unit = _unit(reference, transition, piece, sizes)
+    least, rate = VERIFIED_SEGMENT * unit, _rate(reference, piece, transition, 0, sizes)
+    if not late > 0.0 or abs(float(reference.event(transition, start[:, None])[0])) > least:
+        return None
+    leaves = abs(rate) * late > VERIFIED_GAP * unit
+    near = -float(system.transitions[transition].direction) or math.copysign(1.0, rate)
+    if (leaves and near * rate < 0.0) or not (leaves or stop):
+        return None
+    early = late * np.geomspace(_SHORTEST, 1.0 / _SAMPLES, _EARLY)
+    inside = (piece.times > early[-1]) & (piece.times < (1.0 - VERIFIED_ENDS) * late)
+    times = np.concatenate([early, piece.times[inside]])
+    states = np.column_stack([piece.between(float(t)) for t in times])
+    heights = near * reference.event(transition, states)
+    beyond, above = np.flatnonzero(heights < -least), np.flatnonzero(heights > least)
+    # behind the first of the even samples a change of sign is seen by `contacts`
+    if not beyond.size or (above.size and above[0] < beyond[0] and beyond[0] > _EARLY):
+        return None
+    before = np.flatnonzero(heights[: beyond[0]] >= 0.0)
+    return float(times[before[-1]]) if before.size else 0.0
 
 
 def touching(reference: Reference, piece: Piece, transition: int, sizes: NDArray[np.float64]) -> float:

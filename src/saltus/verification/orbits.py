@@ -25,7 +25,17 @@ from saltus.scales import (
     followed,
 )
 from saltus.system.angles import TURN
-from saltus.verification.motion import Calls, Piece, UnfollowedError, contacts, extremes, follow, projection, touching
+from saltus.verification.motion import (
+    Calls,
+    Piece,
+    UnfollowedError,
+    contacts,
+    extremes,
+    follow,
+    projection,
+    return_behind_hop,
+    touching,
+)
 from saltus.verification.reference import Reference
 from saltus.verification.spectra import (
     growth_on_the_way,
@@ -278,6 +288,11 @@ def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> tuple[list[str], l
                 at = np.array([np.interp(time, piece.times, row) for row in piece.states])
                 if rate * direction >= 0.0 and reference.allows(k, at[:, None])[0]:
                     reasons.append(f"event {k} in segment {i}")
+            own = orbit.system.transitions[k]
+            stop = own.source == own.target and bool(own.reset) and direction != 0
+            back = return_behind_hop(reference, piece, k, found.sizes, stop=stop)
+            if back is not None and reference.allows(k, piece.between(back)[:, None])[0]:
+                reasons.append(f"event {k} behind a hop at the start of segment {i}")
         if form.kinds[i] in (EVENT_END, MEAN_END):
             k = form.transitions[i]
             gradient = reference.event_slope(k, piece.end)

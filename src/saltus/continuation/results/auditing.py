@@ -16,8 +16,9 @@ import numpy as np
 
 from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.results.audit import Audit, Breach
+from saltus.continuation.results.checks.afresh import afresh
+from saltus.continuation.results.checks.liouville import liouville
 from saltus.continuation.results.curve import SolutionCurve
-from saltus.continuation.results.liouville import liouville
 from saltus.continuation.results.locus_ledger import holds, other_values, signs_of_coefficient
 from saltus.continuation.results.stability_ledger import (
     at_one,
@@ -60,6 +61,7 @@ def audited(curve: Curve, remarks: Sequence[str] = (), last: tuple[Any, Any] | N
         "ledger": unexplained(curve, counts),
         "label": contradicted_labels(curve, counts),
         "Liouville": liouville(curve, last),
+        "afresh": afresh(curve),
     }
     if len(curve.varied) > 1:
         told |= {
@@ -253,10 +255,13 @@ def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
     several = len(points) > 1
     wide = np.maximum(np.ptp(seen.values, axis=0), seen.rounding) if several else seen.rounding
     extents = [seen.curve._extent(point.solution) for point in points] if several else []
+    events = [_events_of(point) for point in points] if several else []
     for i, point in enumerate(points):
         for k in range(i):
             other = points[k]
-            if (point.type, point.of) != (other.type, other.of) or extents[i].shape != extents[k].shape:
+            if (point.type, point.of, events[i]) != (other.type, other.of, events[k]):
+                continue
+            if extents[i].shape != extents[k].shape:
                 continue
             apart = [abs(point.value(name) - other.value(name)) for name in seen.curve.varied]
             near = same(apart, np.zeros(len(apart)), LOCATED * wide) and same(
@@ -275,6 +280,14 @@ def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
     if seen.values.shape[1] == 1 and seen.turns[0] and (place := _covered(seen)) is not None:
         found.append((float(place), f"from {_told(seen, place)} on, solutions are there a second time"))
     return found, len(points)
+
+
+def _events_of(point: Any) -> list[int]:
+    """Return the transitions of a special point's orbit, each as often as it happens; none where they change there."""
+    form = getattr(point.solution, "form", None)
+    if not isinstance(form, Signature) or point.type in CHANGES:
+        return []
+    return sorted(k for k in form.transitions if k >= 0)
 
 
 def _alongside(seen: _Seen, place: float, other: float) -> bool:

@@ -407,7 +407,10 @@ def _ranges(point: Point, count: int) -> NDArray[np.float64]:
 
 
 def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
-    """Return whether a point is admissible and all its monitor functions of grazings are on that side."""
+    """Return whether a point is admissible and all its monitor functions of grazings are on that side.
+
+    A margin within the flow's error is on neither: a surface that is touched at the change as well may be passed.
+    """
     transitions, ends = problem.system.transitions, problem.signature.whole.transitions
     grazings = []
     for name, value in point.examined.monitors.items():
@@ -415,6 +418,8 @@ def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
             continue
         # an event in both directions has no admissible side
         event = {"side": name.transition, "rate": ends[name.segment]}.get(name.kind)
+        if name.kind == "margin" and value < math.inf:
+            value -= followed(problem.tol) * problem.event_size(name.transition, point.u[: problem.n])
         grazings.append(value if event is None or transitions[event].direction else abs(value))
     admissible = point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
     return admissible and not _grazes_on(problem, point)

@@ -12,6 +12,7 @@ from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
 from saltus.continuation.problems.changes import type_of_change
+from saltus.continuation.problems.ends.accumulating import accumulating
 from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
@@ -271,7 +272,10 @@ class OrbitRun(OneParameterRun):
     def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:
         """Return why no step succeeds behind the last point; `item` if nothing better is known."""
         told_of = meets_two_fold(half.points) or too_stiff(branch.problem) or swells_at_last(half.points)
-        return told_of or vanishes_at_last(half.points) or item
+        if told_of := told_of or vanishes_at_last(half.points):
+            return told_of
+        hits = accumulating(*half.points[-1]) if half.points and "not admissible" in item else None
+        return f"{hits}; {item}" if hits else item
 
     def _unbounded(self, half: OneSide) -> tuple[str, bool]:
         """Look for a homoclinic orbit at the end of a branch; return why it ends there, and whether there is one."""
@@ -322,6 +326,10 @@ class OrbitRun(OneParameterRun):
             point.examined = beyond.as_before(point.examined, half.points[-1][1].examined.data)
             half.specials.append(self.found("BE", branch, event, half))
             return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
+        if (hits := accumulating(branch, point, event.name)) is not None:
+            point.examined = beyond.without_rounding(point.examined)
+            half.points.append((branch, point))
+            return f"{self.place(point)}: {hits}"
         way = beyond.leaving(branch, event)
         if beyond.sums_up(branch.problem, way):
             half.points.append((branch, point))

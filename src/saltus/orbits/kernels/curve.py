@@ -162,8 +162,16 @@ def lowest(view, curve, what, sign, j, fa, fm, fb, x, out):
 
     fa, fm, fb: its values at the samples before, at and after `j`, which bracket it.
     """
+    places = fine(curve, j - 1), fine(curve, j), fine(curve, j + 1)
+    return lowest_between(view, curve, what, sign, places, (fa, fm, fb), x, out)
+
+
+@njit(**INNER)
+def lowest_between(view, curve, what, sign, places, values, x, out):
+    """Return what `lowest` does between three places, with the values there."""
     outlined()
-    a, m, b = fine(curve, j - 1), fine(curve, j), fine(curve, j + 1)
+    a, m, b = places
+    fa, fm, fb = values
     narrow = min(1e-7, 1e-5 * (b - a))
     for step in range(60):
         if b - a < narrow or not fm <= min(fa, fb):

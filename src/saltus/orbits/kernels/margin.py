@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from numba import int64
 
 from saltus.flow.kernels.crossing import SHRINKS
 from saltus.flow.kernels.segment import EVENT_X
-from saltus.orbits.kernels.curve import FINE, GUARD, fine, held, lowest, sample, turning
+from saltus.orbits.kernels.curve import FINE, GUARD, fine, held, lowest_between, sample, turning
+from saltus.orbits.kernels.hop import leaving, next_low, seen_from
 from saltus.orbits.kernels.together import holds
 from saltus.orbits.signature import BEYOND, BOUNDARY, EARLY, SECTION, WHOLE
 from saltus.scales import CONDITION_VANISHES, EPS, EQUALLY_FAR, EVENT_ROUNDED, ROUNDINGS, TOO_BRIEF
@@ -33,6 +35,10 @@ class Surface(NamedTuple):
         Height below which a height is rounding of 0.
     least : float
         The same where only the rounding of numbers counts.
+    born : bool
+        Whether the segment starts on the surface and leaves it to where it meets the event as soon as it comes back.
+    back : float
+        Time after which it does by the parabola at the start; infinite where that bends away.
     """
 
     transition: int
@@ -41,6 +47,8 @@ class Surface(NamedTuple):
     height: object
     small: float
     least: float
+    born: bool
+    back: float
 
 
 @njit(**INNER)
@@ -78,10 +86,15 @@ def margin(view, curve, k, row, transition, before, there, closed, room, found):
     for e in range(view.n):
         reach += abs(room.slope[2 + e]) * view.sizes[e]
     small = 1e-9 * (1e-3 * reach + size)
+    leaves, back = 0.0, math.inf
+    if begins and abs(height[0]) <= small:
+        leaves, back = leaving(view, curve, k, sign, room)
     if k == transition:  # a rounded duration is no way beyond the surface, however steeply it is met
         call(view.functions[EVENT_X], k, 0, pointer(curve.nodes, curve.count * view.n), 0, view.p, room.slope, 0)
         small = max(small, ROUNDINGS * EPS * abs(room.slope[1]) * curve.duration)
-    if view.directions[k] == 0 and height[0 if abs(height[0]) > small else 1] < 0.0:
+    turned = leaves if leaves != 0.0 else height[0 if abs(height[0]) > small else 1]
+    if view.directions[k] == 0 and turned < 0.0:
+        leaves = -leaves
         sign, top, bottom = -1.0, -bottom, -top
         for j in range(total + 1):
             height[j] = -height[j]
@@ -97,7 +110,7 @@ def margin(view, curve, k, row, transition, before, there, closed, room, found):
                 found.margins[at] = distance if abs(distance) > EVENT_ROUNDED * reach else 0.0
                 found.places[at] = WHOLE
             return bad
-    surface = Surface(k, at, sign, height, small, EVENT_ROUNDED * (reach + size))
+    surface = Surface(k, at, sign, height, small, EVENT_ROUNDED * (reach + size), leaves > 0.0, back)
     more, seen = _touches(view, curve, surface, ends, begins, room, found)
     bad |= more
     return bad | _at_seam(view, curve, surface, seen, room, found) if closed else bad
@@ -110,17 +123,23 @@ def _touches(view, curve, surface, ends, begins, room, found):
     ends, begins: whether the surface is that of the event at the segment's end, or at its start.
     """
     outlined()
-    height, small, total, bad = surface.height, surface.small, curve.count * FINE, 0
-    armed = seen = unmet = beyond = False
+    height, small, least, total, bad = surface.height, surface.small, surface.least, curve.count * FINE, 0
+    seen = unmet = beyond = False
+    # a motion that starts on the surface, before its own event, meets it again however low it hops
+    armed = fresh = surface.born
+    tall = not surface.born
     last = _told_up_to(curve, surface) if ends else total
+    if surface.born:
+        bad |= _hops(view, curve, surface, last, room, found)
     for j in range(total + 1):
-        if 2 <= j <= last and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen and not unmet:
-            bad |= _touch(view, curve, surface, 1.0, j - 1, room, found)
+        low = 2 <= j <= last and height[j - 1] < height[j - 2] and height[j - 1] <= height[j]
+        if low and (seen or (fresh and height[j - 1] < -least)) and not unmet:
+            bad |= _touch(view, curve, surface, 1.0, j - 1, small if tall else least, room, found)
         # from beyond the surface the motion may come back through it for a moment, and meet the event then
         if 2 <= j and not armed and height[j - 2] < height[j - 1] >= height[j] and height[j - 1] <= small:
             fa, fm, fb = -height[j - 2], -height[j - 1], -height[j]
             if fm <= max(fa, fb) - fm:
-                bad |= _touch(view, curve, surface, -1.0, j - 1, room, found)
+                bad |= _touch(view, curve, surface, -1.0, j - 1, small, room, found)
         # an event that has just happened does not happen again as the motion passes on through its surface
         starts = j == 1 and abs(height[0]) <= small and curve.duration > 0.0 and not begins
         if 0 < j < total and height[j] < -small and (armed or starts):
@@ -128,15 +147,27 @@ def _touches(view, curve, surface, ends, begins, room, found):
             early, jumps = _crossed(view, curve, surface, 1.0, j, armed, room, found)
             bad |= early
             unmet = early == 0 and not jumps
-            armed, seen, beyond = False, seen and not jumps, not jumps
+            armed, seen, beyond, fresh = False, seen and not jumps, not jumps, False
         if j < total and beyond and height[j] > small and view.directions[surface.transition] == 0:
             bad |= _crossed(view, curve, surface, -1.0, j, True, room, found)[0]
         if j == total and not ends and armed and height[j] < -small:
             bad |= EARLY
-        if height[j] > small:
+        if height[j] > (least if fresh else small):
             armed = seen = True
             unmet = beyond = False
+        tall = tall or height[j] > small
     return bad, seen
+
+
+@njit(**INNER)
+def _hops(view, curve, surface, last, room, found):
+    """Note the least height behind a hop that is shorter than the samples; return EARLY where the surface is passed."""
+    top, end = seen_from(curve, surface.back, last)
+    what = view.n + view.outputs + surface.transition
+    places, values = next_low(view, curve, what, surface.sign, top, end, room)
+    if not places[1] > 0.0:
+        return 0
+    return _touch_between(view, curve, surface, 1.0, places, values, surface.least, room, found)
 
 
 @njit(**INNER)
@@ -162,18 +193,29 @@ def _left(curve, j):
 
 
 @njit(**INNER)
-def _touch(view, curve, surface, way, j, room, found):
-    """Note the least height (way 1) or the greatest (-1) near a fine sample; return EARLY where the surface is passed."""
-    height, k = surface.height, surface.transition
-    fa, fm, fb = way * height[j - 1], way * height[j], way * height[j + 1]
-    what = view.n + view.outputs + k
-    place, least = lowest(view, curve, what, way * surface.sign, j, fa, fm, fb, room.x, room.out)
-    beside = fine(curve, j - 1 if way > 0.0 else j + 1)
-    return _noted(view, curve, surface, least, place, beside, room, found)
+def _touch(view, curve, surface, way, j, allowed, room, found):
+    """Note the least height (way 1) or the greatest (-1) near a fine sample; return EARLY where the surface is passed.
+
+    allowed: height beyond the surface that is none.
+    """
+    height = surface.height
+    places = fine(curve, j - 1), fine(curve, j), fine(curve, j + 1)
+    values = way * height[j - 1], way * height[j], way * height[j + 1]
+    return _touch_between(view, curve, surface, way, places, values, allowed, room, found)
 
 
 @njit(**INNER)
-def _noted(view, curve, surface, least, place, beside, room, found):
+def _touch_between(view, curve, surface, way, places, values, allowed, room, found):
+    """Do what `_touch` does between three places, with the heights there times `way`."""
+    outlined()
+    what = view.n + view.outputs + surface.transition
+    place, least = lowest_between(view, curve, what, way * surface.sign, places, values, room.x, room.out)
+    beside = places[0 if way > 0.0 else 2]
+    return _noted(view, curve, surface, least, place, beside, allowed, room, found)
+
+
+@njit(**INNER)
+def _noted(view, curve, surface, least, place, beside, allowed, room, found):
     """Keep a least distance where the condition holds and none is less yet; return EARLY where it is beyond the surface.
 
     beside: a place on the side where the motion would meet the event. A condition on the velocity, as ``when="v"``, is 0
@@ -190,7 +232,7 @@ def _noted(view, curve, surface, least, place, beside, room, found):
     if not (aside if abs(room.one[0]) < CONDITION_VANISHES * abs(aside) else room.one[0]) > 0.0:
         return 0
     found.margins[surface.at], found.places[surface.at] = least, place
-    return EARLY if least < -surface.small else 0
+    return EARLY if least < -allowed else 0
 
 
 @njit(**INNER)
@@ -231,5 +273,5 @@ def _at_seam(view, curve, surface, seen, room, found):
             continue
         place, least = turning(view, curve, what, up * surface.sign, room.x, room.out)
         beside = fine(curve, total - 1 if side == 0 else 1)
-        bad |= _noted(view, curve, surface, least, place, beside, room, found)
+        bad |= _noted(view, curve, surface, least, place, beside, surface.small, room, found)
     return bad

@@ -1,0 +1,55 @@
+"""Hits that accumulate where a branch ends: hops behind each other, each shorter and slower than the one before."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.problems.margins import without_speed
+from saltus.orbits.cuts import whole
+from saltus.orbits.signature import EVENT_END, MEAN_END
+from saltus.scales import EXCURSION_SHORT
+
+if TYPE_CHECKING:
+    from saltus.continuation.core.monitor import Monitor
+    from saltus.continuation.core.zero_problem import Point
+    from saltus.continuation.problems.orbit import OrbitZeroProblem
+
+__all__ = ["accumulating"]
+
+
+def accumulating(branch: OrbitZeroProblem, point: Point, grazing: Monitor | None = None) -> str | None:
+    """Return in words that an orbit's last hops get shorter and slower towards a rest on their surface, or None.
+
+    grazing: the monitor function that vanishes at the point, if any. There the last hop has to end without speed, so
+    that it cannot be told which hits graze.
+    """
+    signature = branch.problem.signature.whole
+    if not any(_hits(branch, k, i, signature.transitions) for i, k in enumerate(signature.transitions)):
+        return None
+    problem, u = whole(branch.problem, point.u)
+    durations = u[: problem.size].reshape(problem.segments, problem.n + 1)[:, problem.n]
+    speeds = np.abs(problem.survey(u).rates[:, 0])
+    slow = set(range(problem.segments))
+    if grazing is not None:
+        slow = {name.segment for name in without_speed(problem, u) if name != grazing}
+    for i, k in enumerate(signature.transitions):
+        # the hop of segment i lies between two hits
+        before = (i - 1) % problem.segments
+        shorter = durations[i] < durations[before] and speeds[i] < speeds[before] and i in slow
+        short = shorter and durations[i] < EXCURSION_SHORT * float(durations.sum())
+        if short and _hits(branch, k, i, signature.transitions):
+            name = problem.system.transitions[k].name
+            return f"hits of {name!r} accumulate, and the motion comes to rest: `rests=` names a mode for it"
+    return None
+
+
+def _hits(branch: OrbitZeroProblem, k: int, i: int, ends: tuple[int, ...]) -> bool:
+    """Return whether segment i lies between two hits of one transition back into its mode, which are not summed up."""
+    system, kinds = branch.problem.system, branch.problem.signature.whole.kinds
+    if k < 0 or ends[i - 1] != k or kinds[i] not in (EVENT_END, MEAN_END) or len(ends) < 2:
+        return False
+    own = system.transitions[k]
+    summed = any(other.sums and other.event == own.event for other in system.transitions)
+    return own.source == own.target and bool(own.reset) and not summed

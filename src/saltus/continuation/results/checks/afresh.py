@@ -1,0 +1,108 @@
+"""Orbits of a curve simulated afresh: a motion from each segment's start meets no event before the segment's end."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import SaltusError
+from saltus.flow.motion import EventDrivenMotion
+from saltus.orbits.signature import CUT_END
+from saltus.scales import FINEST, NO_DURATION, SPEEDLESS, TOUCHING, followed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.signature import Signature
+
+__all__ = ["afresh"]
+
+_ROWS = 24  # most points of a curve whose hops are estimated, to find the shortest
+_EACH = 8  # points of a curve for one of them
+_MOST = 3  # most orbits of a curve that are simulated
+_FOR_ONE = 40  # points of a curve for one more
+_SEGMENTS = 24  # most segments of an orbit that are simulated: those with the shortest hops
+
+
+def afresh(curve: Any) -> tuple[list[tuple[float, str]], int]:
+    """Return where a simulation from a segment's start meets an event before the segment ends, and how many are made.
+
+    They are made of orbits with events: at both ends of a curve, and of the one with the shortest hop at a start. Of a
+    short curve it is one end alone, whose hop is shorter.
+    """
+    if not hasattr(curve, "means"):  # no orbits of a flow
+        return [], 0
+    count = 2 + min(_ROWS, len(curve) // _EACH)
+    rows = np.unique(np.linspace(0, len(curve) - 1, count).astype(int)).tolist()
+    orbits = [_Orbit(curve, i) for i in rows if curve.admissible[i] and not curve.implicit[i] and _hits(curve, i)]
+    ends = (0, len(curve) - 1)
+    orbits.sort(key=lambda orbit: (orbit.row not in ends, float(orbit.hops.min())))
+    chosen = orbits[: min(_MOST, 1 + len(curve) // _FOR_ONE)]
+    told = [(float(orbit.row), orbit.contradicted()) for orbit in chosen]
+    return [(row, text) for row, text in told if text is not None], len(chosen)
+
+
+def _hits(curve: Any, i: int) -> bool:
+    """Return whether an orbit of a curve has events; flights between these may be in pieces."""
+    form = curve.forms[curve.form[i]]
+    return max(form.transitions) >= 0 and CUT_END not in form.kinds
+
+
+class _Orbit:
+    """One orbit of a curve: its segments' starts and durations."""
+
+    def __init__(self, curve: Any, row: int) -> None:
+        self.curve, self.row, self.system = curve, row, curve.system
+        self.p: NDArray[np.float64] = self.system.parameter_vector(curve._parameters_at(row))
+        self.form: Signature = curve.forms[curve.form[row]]
+        blocks = curve.unknowns[row].reshape(len(self.form), -1)
+        self.starts, self.durations = blocks[:, :-1], blocks[:, -1]
+        n = self.starts.shape[1]
+        self.sizes = np.maximum(np.abs(curve.lows[row]), np.abs(curve.highs[row]))[:n]
+        self.period = float(np.abs(self.durations).sum())
+        self.hops = np.array([self._hop(i) for i in range(len(self.form))])
+
+    def _hop(self, i: int) -> float:
+        """Return when a segment comes back to the surface on which it starts, by a parabola, over its duration."""
+        before, n = self.form.transitions[i - 1], self.sizes.size
+        if before < 0 or i not in self.form.heads or not self.durations[i] > 0.0:
+            return math.inf
+        compiled, event, rate = self.system.compiled, np.empty(2 + 2 * n), np.empty(n)
+        x, p = np.ascontiguousarray(self.starts[i]), compiled.extended(self.p)
+        compiled.call("event_x", before, 0, x, p, event)
+        compiled.call("field", self.form.modes[i], 0, x, p, rate)
+        speed, bend = float(event[1]), float(event[2 + n :] @ rate)
+        return -2.0 * speed / bend / float(self.durations[i]) if speed * bend < 0.0 else math.inf
+
+    def contradicted(self) -> str | None:
+        """Return in words what a simulation from a segment's start meets before the segment ends; None if nothing."""
+        for i in np.argsort(self.hops, kind="stable")[:_SEGMENTS].tolist():
+            if (told := self._simulated(i)) is not None:
+                return told
+        return None
+
+    def _simulated(self, i: int) -> str | None:
+        """Return what a simulation from the start of segment i meets with speed before its end, or None."""
+        end = float(self.durations[i]) - TOUCHING * self.period
+        if not end > 0.0:
+            return None
+        rtol = max(self.curve.tolerance, FINEST)
+        atol = rtol * float(self.sizes[self.sizes > 0.0].min(initial=1.0))
+        mode = self.form.modes[i]
+        try:
+            motion = EventDrivenMotion(self.system, self.p, self.starts[i].copy(), mode, rtol, atol)
+            motion.follow(end, None, 1)
+        except SaltusError:  # it cannot be simulated: nothing is told
+            return None
+        times, which, sides, _ = (column[-1:] for column in motion.events())  # the phase may have gone back before
+        if not times.size or which[0, 0] < 0 or not NO_DURATION * self.period < times[0] < end:
+            return None
+        k, n, event = int(which[0, 0]), self.sizes.size, np.empty(2 + 2 * self.sizes.size)
+        self.system.compiled.call("event_x", k, 0, np.ascontiguousarray(sides[0, 0]), motion.p, event)
+        speed = abs(float(event[1])) * self.period / (float(np.abs(event[2 : 2 + n]) @ self.sizes) or math.inf)
+        if not speed > max(SPEEDLESS, math.sqrt(followed(rtol))):
+            return None
+        met, last = self.system.transition_names[k], float(self.durations[i])
+        return f"a simulation from segment {i} meets {met!r} after {times[0]:.6g}, before its end at {last:.6g}"

@@ -1,0 +1,132 @@
+"""No orbit passes a wall: each flight of an orbit, from its own start, stays before the wall up to its hit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import saltus
+from selection import guarding
+
+SMALL = 1e-8  # a gap below -SMALL of the orbit's size is one behind the wall
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A mass with one wall: on a moving table, where it falls freely, or on a spring, with a preload to the wall."""
+
+    system: saltus.HybridSystem
+    kind: str
+    sign: float  # of the distance from the wall where the mass moves
+
+    def gaps(self, p: dict[str, float], start: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Return the distance from the wall at times after a start (x, v, phase), in closed form."""
+        x, v, phase = start
+        if self.kind == "table":
+            return np.asarray(x + v * t - p["g"] * t * t / 2.0 - p["a"] * np.sin(phase + p["w"] * t))
+        m, c, k, w = p["m"], p["c"], p["k"], p["w"]
+        forced = p["A"] / (k - m * w * w + 1j * c * w)
+        decay = -c / (2.0 * m) + 1j * np.sqrt(k / m - (c / (2.0 * m)) ** 2)
+
+        def settled(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            turning = forced * np.exp(1j * (phase + w * t))
+            return turning.real - p["p"] / k, (1j * w * turning).real
+
+        x0, v0 = settled(np.zeros(1))
+        own = x - x0[0], v - v0[0]
+        # the free part is the real part of b exp(decay t) with this value and this rate at the start
+        b = own[0] - 1j * (own[1] - decay.real * own[0]) / decay.imag
+        return np.asarray(self.sign * ((b * np.exp(decay * t)).real + settled(t)[0] - p["d"]))
+
+    def least(self, p: dict[str, float], flights: np.ndarray) -> float:
+        """Return the least gap of flights (x, v, phase, duration), over the largest."""
+        found, size = np.inf, 0.0
+        shares = np.concatenate([np.geomspace(1e-9, 1e-2, 200), np.linspace(1e-2, 1.0, 400)])
+        for flight in flights:
+            gaps = self.gaps(p, flight[:3], shares * flight[3])
+            found, size = min(found, float(gaps.min())), max(size, float(np.abs(gaps).max()))
+        return found / size
+
+
+def random_wall(seed: int) -> tuple[Wall, list[tuple[str, tuple[float, float]]]]:
+    """Return a random mass before a wall, in random units, and two parameters with intervals."""
+    rng = np.random.default_rng([seed, 29])
+    e, w = float(rng.uniform(0.05, 0.8)), float(10.0 ** rng.uniform(-2.0, 2.0))
+    length = float(10.0 ** rng.choice([-9.0, -4.0, 0.0, 0.0, 3.0, 9.0]))
+    if seed % 2:
+        g = length * w * w
+        a = float(rng.uniform(1.02, 3.0)) * np.pi * (1.0 - e) / (1.0 + e) * length
+        values, z = {"g": g, "e": e, "a": a, "w": w}, "z - a*sin(th)"
+        hit = saltus.Transition("fly", "fly", z, -1, {"v": "-e*v + (1 + e)*a*w*cos(th)"}, name="hit")
+        modes = {"fly": saltus.Mode({"z": "v", "v": "-g"})}
+        system = saltus.HybridSystem(("z", "v"), values, modes, [hit], phase=("th", "w"))
+        return Wall(system, "table", 1.0), [("a", (0.2 * length, 12.0 * length)), ("e", (0.02, 0.95))]
+    sign, m = float(rng.choice([-1.0, 1.0])), float(10.0 ** rng.uniform(-3.0, 3.0))
+    k = m * (w / float(rng.uniform(0.5, 4.0))) ** 2
+    values = {"m": m, "k": k, "c": float(rng.uniform(0.0, 0.3)) * np.sqrt(m * k), "w": w, "e": e}
+    values |= {"A": k * length, "p": sign * k * length * float(rng.uniform(-0.5, 0.6)), "d": 0.1 * sign * length}
+    field = "(-c*v - k*x - p + A*cos(th))/m"
+    hit = saltus.Transition("fly", "fly", "x - d", -int(sign), {"v": "-e*v"}, name="hit")
+    system = saltus.HybridSystem(
+        ("x", "v"), values, {"fly": saltus.Mode({"x": "v", "v": field})}, [hit], phase=("th", "w")
+    )
+    varied = [("A", (0.1 * k * length, 4.0 * k * length)), ("e", (0.0, 0.95)), ("p", (-k * length, 2.0 * k * length))]
+    return Wall(system, "spring", sign), [varied[seed // 2 % 3], varied[(seed // 2 + 1) % 3]]
+
+
+def an_orbit(wall: Wall) -> saltus.PeriodicOrbit | None:
+    """Return an orbit with one hit a turn of the table, or one to which motions come; None where they rest."""
+    p = dict(wall.system.parameters)
+    if wall.kind == "table":
+        turn = 2.0 * np.pi / p["w"]
+        phase = np.arccos((1.0 - p["e"]) / (1.0 + p["e"]) * p["g"] * turn / (2.0 * p["a"] * p["w"]))
+        for way in (1.0, -1.0):
+            start = [way * p["a"] * np.sin(phase), p["g"] * turn / 2.0, way * phase]
+            orbit = saltus.solve_orbit(wall.system, segments=[("fly", "hit", start, turn)])
+            if orbit.admissible:
+                return orbit
+        return None
+    for share, more in ((20.0, {}), (10.0, {}), (20.0, {"e": 0.8}), (20.0, {"p": 0.0}), (20.0, {"p": -p["p"]})):
+        start = share * abs(p["d"]) * wall.sign
+        try:
+            return saltus.find_orbit(wall.system, more, x0=[start, start * p["w"]])
+        except saltus.SaltusError:
+            continue
+    return None
+
+
+@pytest.mark.parametrize("seed", guarding(range(60), 1, 4, 12, campaign=12))
+def test_no_admissible_orbit_of_a_branch_passes_its_wall(seed: int) -> None:
+    wall, varied = random_wall(seed)
+    orbit = an_orbit(wall)
+    if orbit is None:
+        pytest.skip("the motions from the starts rest on the wall, or do not repeat")
+    for name, bounds in varied:
+        branch = saltus.continue_orbit(orbit, name, bounds, steps=saltus.StepControl(max_points=150))
+        known = dict(orbit.parameters)
+        for i in np.flatnonzero(branch.admissible).tolist():
+            least = wall.least(known | {name: float(branch.values[i])}, branch.unknowns[i].reshape(-1, 4))
+            assert least > -SMALL, (name, i, float(branch.values[i]), least, str(branch))
+        for point in branch.special_points:
+            flights = np.array([[*part.state, part.duration] for part in point.orbit.segments])
+            assert wall.least(known | {name: point.value(name)}, flights) > -SMALL, (point, str(branch))
+        assert not branch.audit.breaches, str(branch)
+
+
+@pytest.mark.parametrize("seed", guarding(range(30), 1, 12, campaign=6))
+def test_no_admissible_orbit_of_a_locus_passes_its_wall(seed: int) -> None:
+    wall, varied = random_wall(seed)
+    orbit = an_orbit(wall)
+    if orbit is None:
+        pytest.skip("the motions from the starts rest on the wall, or do not repeat")
+    bounds, steps = dict(varied), saltus.StepControl(max_points=80)
+    branch = saltus.continue_orbit(orbit, *varied[0], steps=steps)
+    points = [point for point in branch.special_points if point.type in ("SN", "PD", "GR")]
+    for point in points[-1:]:
+        locus = saltus.continue_locus(point, tuple(bounds), bounds, steps=steps)
+        for i in np.flatnonzero(locus.admissible).tolist():
+            known = dict(orbit.parameters) | dict(zip(locus.varied, locus.values[i].tolist(), strict=True))
+            least = wall.least(known, locus.unknowns[i].reshape(-1, 4))
+            assert least > -SMALL, (i, known, least, str(locus))
