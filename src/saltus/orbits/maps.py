@@ -22,6 +22,7 @@ __all__ = [
     "most_grown",
     "piece_maps",
     "reflector",
+    "resting",
 ]
 
 
@@ -80,7 +81,18 @@ def most_grown(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.floa
         with np.errstate(invalid="ignore", over="ignore"):
             return float(np.abs(across_flow(problem, u, piece_maps(problem, J))).max(initial=0.0))
     period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
+    if (still := resting(problem, u)).any():
+        J = np.where(np.resize(np.append(still, False), J.shape[1]), 0.0, J)
     return float(problem.pencils.landing(J, problem.kinds, problem.n, problem.common_scale, period))
+
+
+def resting(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which states are 0 where each piece starts, shape (n,): on an invariant plane, without any rounding.
+
+    What grows across the plane magnifies nothing.
+    """
+    starts = u[: problem.size].reshape(problem.segments, problem.n + 1)[:, : problem.n]
+    return np.asarray(np.all(starts == 0.0, axis=0))
 
 
 def across_flow(problem: OrbitProblem, u: NDArray[np.float64], maps: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -105,7 +117,8 @@ def flight_growth(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.f
     smooth = Signature(form.modes, (-1,) * count, kinds, 0)
     arcs = OrbitProblem(problem.system, smooth, problem.parameters_at(u), tol=problem.tol)
     arcs.take(problem.kept())
-    return np.asarray(np.abs(piece_maps(arcs, arcs.evaluate(u[: problem.size])[1])).max(axis=(1, 2)))
+    maps = np.abs(piece_maps(arcs, arcs.evaluate(u[: problem.size])[1]))
+    return np.asarray(maps[:, :, ~resting(problem, u)].max(axis=(1, 2), initial=0.0))
 
 
 def reflector(vector: NDArray[np.float64]) -> NDArray[np.float64]:

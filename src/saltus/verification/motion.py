@@ -34,7 +34,7 @@ _RTOL_STIFF = 1e-10  # relative tolerance of implicit steps, of order 5
 _MOST_STIFF = 400_000  # evaluations of the field by these, at most: some 20 s
 _FINE = 1e-4  # error of an extreme's place, over the distance of samples
 _EARLY = 200  # times of a segment, evenly on a logarithmic scale, at which a hop behind its start is looked for
-_SHORTEST = 1e-12  # the first of them, over the segment's duration
+_OCTAVES = 40  # of the segment's duration, halved so often, is the first of them
 _SAMPLES = 400  # states of a segment at which events and extremes are looked for
 
 
@@ -228,7 +228,7 @@ def return_behind_hop(
     near = -float(system.transitions[transition].direction) or math.copysign(1.0, rate)
     if (leaves and near * rate < 0.0) or not (leaves or stop):
         return None
-    early = late * np.geomspace(_SHORTEST, 1.0 / _SAMPLES, _EARLY)
+    early = late * np.geomspace(2.0**-_OCTAVES, 1.0 / _SAMPLES, _EARLY)
     inside = (piece.times > early[-1]) & (piece.times < (1.0 - VERIFIED_ENDS) * late)
     times = np.concatenate([early, piece.times[inside]])
     states = np.column_stack([piece.between(float(t)) for t in times])

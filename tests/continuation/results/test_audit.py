@@ -120,7 +120,7 @@ def test_a_branch_that_goes_back_behind_another_signature_is_told(section):
         arclength=np.arange(len(rows), dtype=float),
         freed=np.empty(0),
     )
-    (found, _) = auditing._forward(auditing._Seen.of(back))
+    (found, _) = auditing._forward(auditing._Seen.of(back), auditing.growing(back))
     assert any("the same solutions follow on both sides" in text for _, text in found)
 
 

@@ -345,8 +345,7 @@ def _comes_near(fresh: OrbitZeroProblem, point: Point, old: Point) -> bool:
 def _apart(fresh: OrbitZeroProblem, point: Point, old: Point) -> float:
     """Return how far the extremes of an orbit beyond a change are from those at the change, over the states' sizes."""
     count = len(fresh.problem.system.states)
-    away = np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]
-    return float(np.max(away))
+    return float(np.max(np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]))
 
 
 def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
@@ -431,8 +430,7 @@ def _grazes_on(problem: OrbitProblem, point: Point) -> bool:
     Its equations then follow a motion that touches a surface all along, which no impact makes an orbit of its own.
     """
     period = float(np.abs(point.u[problem.n : problem.size : problem.n + 1]).sum())
-    tails = problem.signature.tails
-    ends = [tails[name.segment] for name in point.examined.monitors if name.kind == "rate"]
+    ends = [problem.signature.tails[name.segment] for name in point.examined.monitors if name.kind == "rate"]
     return any(
         speed_at(problem, problem.signature.transitions[i], problem.state_on(i, 1.0), period) <= followed(problem.tol)
         for i in ends

@@ -206,8 +206,7 @@ class OrbitRun(OneParameterRun):
         """See `Run.stuck`."""
         if (added := self._excursion_ends(half)) is not None:
             return added
-        # next to a rest, where the signs of a fold and of a branch point are rounding
-        if (birth := self.halved(piece, last)) is not None:
+        if (birth := self.halved(piece, last)) is not None:  # next to a rest signs of folds are rounding
             half.specials.append(self.found("BP", piece, Event(Monitor("BP"), birth, 0.0), half))
             return self.ends(half, piece, birth, "the period halves")
         slowed = grazing_ahead(half.points)
@@ -271,11 +270,9 @@ class OrbitRun(OneParameterRun):
 
     def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:
         """Return why no step succeeds behind the last point; `item` if nothing better is known."""
-        told_of = meets_two_fold(half.points) or too_stiff(branch.problem) or swells_at_last(half.points)
-        if told_of := told_of or vanishes_at_last(half.points):
-            return told_of
+        known = meets_two_fold(half.points) or too_stiff(branch.problem) or swells_at_last(half.points)
         hits = accumulating(*half.points[-1]) if half.points and "not admissible" in item else None
-        return f"{hits}; {item}" if hits else item
+        return known or vanishes_at_last(half.points) or (f"{hits}; {item}" if hits else item)
 
     def _unbounded(self, half: OneSide) -> tuple[str, bool]:
         """Look for a homoclinic orbit at the end of a branch; return why it ends there, and whether there is one."""
@@ -328,8 +325,7 @@ class OrbitRun(OneParameterRun):
             return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
         if (hits := accumulating(branch, point, event.name)) is not None:
             point.examined = beyond.without_rounding(point.examined)
-            half.points.append((branch, point))
-            return f"{self.place(point)}: {hits}"
+            return self.ends(half, branch, point, hits)
         way = beyond.leaving(branch, event)
         if beyond.sums_up(branch.problem, way):
             half.points.append((branch, point))

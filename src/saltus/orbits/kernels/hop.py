@@ -11,7 +11,7 @@ from saltus.scales import EPS, MET
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined
 
-WIDER = 1.25  # ratio of places behind each other at which a hop's rise, its return and the next minimum are seen
+PER_OCTAVE = 3  # places, up to twice the time, at which a hop's rise, its return and the next minimum are seen
 
 
 @njit(**INNER)
@@ -64,7 +64,7 @@ def next_low(view, curve, what, sign, top, end, room):
     a, m, b = 0.0, 0.0, top
     fa, fm, fb = 0.0, 0.0, sample(view, curve, what, sign, top, room.x, room.out)
     while b < end:
-        a, m, b = m, b, min(WIDER * b, end)
+        a, m, b = m, b, min(b * 2.0 ** (1.0 / PER_OCTAVE), end)
         fa, fm, fb = fm, fb, sample(view, curve, what, sign, b, room.x, room.out)
         if a > 0.0 and fm < fa and fm <= fb:
             return (a, m, b), (fa, fm, fb)
