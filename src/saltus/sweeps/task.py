@@ -317,7 +317,11 @@ class Task:
     def _reason(self, seen: _Seen, p: NDArray[np.float64]) -> str:
         """Return in words why a motion is unresolved."""
         exponent, error = self._leading(seen)
-        found = f"the leading exponent is {exponent:.3g} +- {error:.1g} a return, and no lag repeats"
+        what = "no lag repeats"
+        if seen.kind.rivals[0]:
+            one, other = seen.kind.rivals
+            what = f"the motion still settles, to repeat after {one} or {other}, which cannot be told"
+        found = f"the leading exponent is {exponent:.3g} +- {error:.1g} a return, and {what}"
         never = never_settles(self.system, p, seen.found, self.criteria)
         return f"{found} in {len(seen.found.times)} returns: {never or 'a larger discard or keep may tell'}"
 
