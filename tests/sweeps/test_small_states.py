@@ -102,3 +102,15 @@ def test_extremes_of_prey_that_falls_to_1e_29_are_those_of_its_simulation() -> N
     highest, lowest = sweep.observed[0, 0]
     assert 14.0 < highest < 15.0
     assert 0.0 < lowest < 1e-20
+
+
+@pytest.mark.parametrize("follow", ["up", "restart"])
+def test_a_motion_leaves_an_unstable_torus_on_a_plane(follow: str) -> None:
+    # two states forced alike at two rates; their difference d' = m d - d^3 leaves 0 for m > 0
+    forced, apart = "cos(s) + cos(t)", "(m + 1)*(x - y)/2 - (x - y)**3/2"
+    rates = {"x": f"-x + {forced} + {apart}", "y": f"-y + {forced} - ({apart})", "t": "1.6180339887"}
+    system = HybridSystem.smooth(rates, {"m": 0.5}, phase=("s", "1"), angles=("t",))
+    sweep = run_sweep(system, "m", [-0.5, 0.5], x0=[0.2, 0.2, 0.0], options=SweepOptions(follow=follow))
+    differences = np.abs(sweep.column("x") - sweep.column("y")).max(axis=2)[0]
+    assert sweep.labels[0].tolist() == ["quasi-periodic"] * 2
+    assert differences == pytest.approx([0.0, 0.5**0.5], abs=1e-6)

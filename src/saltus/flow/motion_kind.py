@@ -69,6 +69,7 @@ class Kind(NamedTuple):
     # closed curves that are visited in turn, 0 where there is none; `rotation` is then that of one, in `curves` returns
     curves: int
     sure: bool = True  # False of a period on the way to which the motion has not come far
+    unstable: bool = False  # True of a smooth torus from which perturbations grow
     rivals: tuple[int, int] = (0, 0)  # counts of returns either of which may be the period, where that is all
 
 
@@ -160,7 +161,8 @@ def _aperiodic(cloud: NDArray[np.float64], exponent: float, error: float, limits
     chance = BY_CHANCE * error
     error = max(error, math.log(len(cloud)) / len(cloud) if exponent > 0.0 else EPS * len(cloud))
     if exponent > max(error, chance):
-        return Kind(UNRESOLVED if course_of(cloud).smooth else CHAOTIC, 0, math.nan, 0)
+        smooth = course_of(cloud).smooth
+        return Kind(UNRESOLVED if smooth else CHAOTIC, 0, math.nan, 0, unstable=smooth)
     if zero(exponent, error) is not Verdict.YES:
         return Kind(UNRESOLVED, 0, math.nan, 0)
     course = course_of(cloud)

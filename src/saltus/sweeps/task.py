@@ -326,8 +326,8 @@ class Task:
         return f"{found} in {len(seen.found.times)} returns: {never or 'a larger discard or keep may tell'}"
 
     def _rests(self, seen: _Seen) -> bool:
-        """Whether a motion that recurs does so although its leading exponent is above 0, by more than its error."""
-        if seen.growth is None or not seen.kind.period:
+        """Whether a motion recurs, or is on a torus, with a leading exponent that is above 0 by more than its error."""
+        if seen.growth is None or not (seen.kind.period or seen.kind.unstable):
             return False
         exponent, error = float(seen.growth.exponents[0]), float(seen.growth.errors[0])
         return exponent > error + self.motions.growth_error / self.motions.mean_time(seen.found)
