@@ -206,6 +206,14 @@ def test_a_motion_that_starts_on_an_unstable_point_leaves_it():
     assert sweep.labels[0].tolist() == ["period-2"]
 
 
+@pytest.mark.parametrize("follow", ["up", "restart"])
+def test_a_motion_that_has_come_to_an_unstable_torus_leaves_it(follow):
+    """C. Grebogi, E. Ott, S. Pelikan, J. A. Yorke, Physica D 13 (1984) 261: x = 0 is stable for s < 1 alone."""
+    sweep = run_sweep(FORCED, "s", [0.5, 1.5, 2.0], x0=[0.5, 0.3], options=SweepOptions(follow=follow))
+    assert sweep.labels[0].tolist() == ["quasi-periodic", "strange nonchaotic", "strange nonchaotic"]
+    assert np.abs(sweep.at(1.5).points["x"]).max() > 1.0
+
+
 def test_a_delayed_map_is_quasi_periodic_behind_its_torus_bifurcation():
     # the delayed logistic map has a Neimark-Sacker bifurcation at r = 2 with rotation number 1/6
     delayed = Map(("x", "y"), {"r": 2.0}, {"x": "r*x*(1 - y)", "y": "x"})

@@ -7,11 +7,11 @@ In this order, thresholds being those of `Criteria`:
 2. ``no return``: it stays away from the section, a transition that no longer happens.
 3. ``period-N``: it recurs after N returns, the fewest that do. The second half of the returns looked at decides: no
    state there differs from the one N returns later by more than `recurrence` of its size, or than `noise`. These
-   differences do not add up from each N returns to the next, unless they shrink at a steady rate. Or the motion is on
-   its way there: the leading exponent is negative, and the differences shrink at a steady rate. From the first half to
-   the second they do so at half the exponent or faster. For N > 1 they are below `settling` of the points' extent, and
-   it keeps up. For N = 1 it shrinks with them, as fast at the end as before. N is at most a quarter of the returns
-   looked at, so that it is seen four times.
+   differences do not add up from each N returns to the next. Or the motion is on its way there: the leading exponent is
+   negative, and the differences shrink at a steady rate. From the first half to the second they do so at half the
+   exponent or faster. They have halved, or little is left to go. For N > 1 they are below `settling` of the points'
+   extent. Where they shrink after N returns and after 2 N, the rates tell which is the period, or leave both open:
+   `saltus.flow.recurring.rivals`. N is at most a quarter of the returns looked at, so that it is seen four times.
 4. ``locked-N``: it recurs after N returns, more than `longest`, and winds round a closed curve. A locked motion on a
    torus does. Points in pairs, as after a period doubling, are counted once. The rotation number is a fraction.
 5. ``chaotic``: the leading exponent is above 0 by more than twice its error, which chance seldom leaves. Perturbations
@@ -55,6 +55,7 @@ NO_RETURN = "no return"
 QUASI_PERIODIC = "quasi-periodic"
 STRANGE = "strange nonchaotic"
 UNRESOLVED = "unresolved"
+_TAILS = (4, 16)  # of the points, the last parts that are looked at by themselves
 
 
 class Kind(NamedTuple):
@@ -68,6 +69,8 @@ class Kind(NamedTuple):
     # closed curves that are visited in turn, 0 where there is none; `rotation` is then that of one, in `curves` returns
     curves: int
     sure: bool = True  # False of a period on the way to which the motion has not come far
+    unstable: bool = False  # True of a smooth torus from which perturbations grow
+    rivals: tuple[int, int] = (0, 0)  # counts of returns either of which may be the period, where that is all
 
 
 def classify(
@@ -109,10 +112,14 @@ def classify(
     within = np.broadcast_to(np.asarray(rounding, dtype=np.float64), cloud.shape[1:])
     recurrence = Recurrence(cloud, within, limits.recurrence)
     settled = recurrence.settled(limits.recurrence)
-    rates = exponent, -math.inf if autonomous else exponent - error
+    rates = exponent, -math.inf if autonomous else exponent - error, exponent + max(error, EPS * len(cloud))
     may_come = exponent < 0.0 or (autonomous and exponent <= error)
-    coming = recurrence.settling(rates, limits.settling) if may_come else 0
+    coming, at_the_end = _coming(cloud, within, rates, limits) if may_come else (0, recurrence)
     period = min((found for found in (settled, coming) if found), default=0)
+    if coming and period != settled:
+        period, rival = at_the_end.least(coming)
+        if rival:
+            return Kind(UNRESOLVED, 0, math.nan, 0, rivals=(period, rival))
     if period and exponent > error and not recurrence.leaves(period, exponent):
         period = Recurrence(cloud, within, EPS).settled(EPS)  # chaos may keep to bands as narrow as this
     if not period:
@@ -123,20 +130,42 @@ def classify(
         period,
         rotation,
         curves,
-        period == settled or recurrence.has_shrunk(period),
+        period == settled or at_the_end.has_shrunk(period),
     )
+
+
+def _coming(
+    cloud: NDArray[np.float64], rounding: NDArray[np.float64], rates: tuple[float, float, float], limits: Criteria
+) -> tuple[int, Recurrence]:
+    """Return the count of returns after which a motion will recur, 0 for none, and the points that show it.
+
+    Differences that shrink like a power of time do so at no steady rate over them all, but over the last of them.
+    """
+    parts = [
+        Recurrence(cloud[-(len(cloud) // part) :], rounding, limits.recurrence) for part in _parts(len(cloud), limits)
+    ]
+    for recurrence in parts:
+        if coming := recurrence.settling(rates, limits.settling, limits.recurrence):
+            return coming, recurrence
+    return 0, parts[0]
+
+
+def _parts(count: int, limits: Criteria) -> list[int]:
+    """Return by what the count of points is divided, where enough of them are left."""
+    return [1, *(part for part in _TAILS if count // part >= limits.looked_at(1))]
 
 
 def _aperiodic(cloud: NDArray[np.float64], exponent: float, error: float, limits: Criteria) -> Kind:
     """Return what a motion is that does not recur."""
-    course = course_of(cloud)
     # what grows like time, as on the tori of a shear, has no exponent; a sum of logarithms rounds like their count
     chance = BY_CHANCE * error
     error = max(error, math.log(len(cloud)) / len(cloud) if exponent > 0.0 else EPS * len(cloud))
     if exponent > max(error, chance):
-        return Kind(UNRESOLVED if course.smooth else CHAOTIC, 0, math.nan, 0)
+        smooth = course_of(cloud).smooth
+        return Kind(UNRESOLVED if smooth else CHAOTIC, 0, math.nan, 0, unstable=smooth)
     if zero(exponent, error) is not Verdict.YES:
         return Kind(UNRESOLVED, 0, math.nan, 0)
+    course = course_of(cloud)
     rotation, curves = rotation_number(cloud, limits)
     if not curves:
         rotation, curves = cut_circle(cloud)

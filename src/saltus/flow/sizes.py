@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "STEPS_KEPT", "Sizes", "fitting_atol", "followed_in_size",
-           "sizes_along", "sizes_from", "sizes_on_the_way", "units_of"]  # fmt: skip
+__all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "SMALL", "STEPS_KEPT", "Sizes", "fitting_atol", "followed_in_size",
+           "share_of", "sizes_along", "sizes_from", "sizes_on_the_way", "units_of"]  # fmt: skip
 
 RTOL = 1e-10  # relative tolerance of a motion's steps
 ATOL = 1e-12  # absolute tolerance of a motion's steps, for states of size 1 or more
@@ -52,7 +52,7 @@ class Sizes:
     @property
     def atol(self) -> float:
         """Absolute tolerance of the motion's steps."""
-        return ATOL * _share(self.of_states[self.shares >= 1.0])
+        return ATOL * share_of(self.of_states[self.shares >= 1.0])
 
 
 def sizes_along(
@@ -103,7 +103,7 @@ def sizes_from(
 
 
 def followed_in_size(
-    begun: Callable[[float], EventDrivenMotion], follow: Callable[[EventDrivenMotion], None]
+    begun: Callable[[float], EventDrivenMotion], follow: Callable[[EventDrivenMotion], None], *, whole: bool = False
 ) -> EventDrivenMotion:
     """Return a motion followed with an absolute tolerance that fits its states: again where one of them is far below 1.
 
@@ -113,6 +113,8 @@ def followed_in_size(
         Returns a motion at its start, for an absolute tolerance, that keeps its steps.
     follow : callable
         Follows it.
+    whole : bool, optional
+        Whether states count that have no share of the absolute tolerance, as on an invariant face.
 
     Raises
     ------
@@ -121,7 +123,7 @@ def followed_in_size(
     """
     run, error = _followed(begun(ATOL), follow)
     for _ in range(_TRIED):
-        needed = _share_needed(run)
+        needed = _share_needed(run, whole=whole)
         if needed * ATOL >= SMALL * run.atol:
             break
         again = begun(needed * ATOL)
@@ -145,18 +147,18 @@ def _followed(
     return run, None
 
 
-def _share_needed(run: EventDrivenMotion) -> float:
-    """Size of the least state along a motion, or 1 where all are larger or none is known."""
+def _share_needed(run: EventDrivenMotion, *, whole: bool) -> float:
+    """Size of the least state along a motion, or 1 where all are larger or none is known; see `followed_in_size`."""
     states = run.steps()[2] if run.kept_steps else np.empty((0, run.x.size))
     sizes, count = np.abs(states).max(axis=0, initial=0.0), len(run.system.states)
-    counted = run.shares[:count] >= 1.0
+    counted = (run.shares[:count] >= 1.0) | whole
     if (sizes[:count][counted] >= SMALL).all() or not sizes[:count].max() > _LEAST:
         return 1.0
     p = run.p[: len(run.system.parameters)]
-    return _share(sizes_from(run.system, p, run.x, run.mode, states, run.time).of_states[:count][counted])
+    return share_of(sizes_from(run.system, p, run.x, run.mode, states, run.time).of_states[:count][counted])
 
 
-def _share(sizes: NDArray[np.float64]) -> float:
+def share_of(sizes: NDArray[np.float64]) -> float:
     """Return the size of the least state that is more than nothing, 1 at most."""
     return float(np.min(sizes, initial=1.0, where=sizes > _LEAST))
 
@@ -186,6 +188,8 @@ def fitting_atol(
 ) -> float:
     """Return the absolute tolerance that fits a motion: the usual one, unless a state is far below 1.
 
+    It fits every state: whoever takes it for the error of them all, or steps that know no shares, may rely on it.
+
     Parameters
     ----------
     x : ndarray, shape (states,) or (all states,)
@@ -198,7 +202,7 @@ def fitting_atol(
         return EventDrivenMotion(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT)
 
     try:
-        run = followed_in_size(begun, lambda run: run.follow_for(_LOOKED_AT, _LOOKED_AT))
+        run = followed_in_size(begun, lambda run: run.follow_for(_LOOKED_AT, _LOOKED_AT), whole=True)
     except SaltusError:  # the motion itself will raise it
         return usual
     return usual * run.atol / ATOL

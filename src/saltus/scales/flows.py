@@ -48,3 +48,7 @@ MAGNIFIED_CURVATURE = 1e-9
 # Distance from 0 of an exponent, in half widths of its confidence interval, from which on it is not 0: chance
 # passes one such width of 20 batches in one motion of 40, two in one of 4000.
 BY_CHANCE = 2.0
+
+# Change of the rate at which a deviation settles beside a bifurcation by terms of the next order, over the square of
+# the rate: of order 1. At the doublings of the logistic map, Henon's, Ricker's and a cubic one it is 2 at the most.
+NEXT_ORDER = 5.0

@@ -90,6 +90,15 @@ class MapReturns:
             int(pieces[-1]),
         )
 
+    @property
+    def unit(self) -> float:
+        """Size of the start, 1 at most; 1 where it is 0."""
+        return min(float(np.abs(self.x0).max(initial=0.0)), 1.0) or 1.0
+
+    def fitting(self, p: NDArray[np.float64], found: PoincareReturns) -> MapReturns:
+        """Return the same: iterates have no tolerance."""
+        return self
+
     def by_lanes(self, p: NDArray[np.float64], *, growing: bool) -> None:
         """Return None: iterations have no lanes."""
 

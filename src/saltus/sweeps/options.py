@@ -48,7 +48,7 @@ class SweepOptions:
         Thresholds of the labels.
     tolerance : float or (float, float)
         Relative tolerance of a step, or the relative and the absolute one. The default absolute tolerance is 1e-10. It
-        is smaller in proportion to the smallest state where this is below 1e-2 at the first value.
+        is smaller in proportion to the smallest state where this is below 1e-2 at the first value, or later on.
     limit : float, optional
         Size beyond which a state that grows has diverged. By default as in `simulate`, by the problem at each value.
     lanes : bool, optional

@@ -15,8 +15,9 @@ from saltus.ensemble.returns import ManyReturns, Start
 from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, tolerances_of
 from saltus.flow.poincare import EventSection, PoincareReturns, admits, iterate
+from saltus.flow.shares import shares_of
 from saltus.flow.simulation import SimulationOptions, simulate
-from saltus.flow.sizes import fitting_atol, units_of
+from saltus.flow.sizes import SMALL, fitting_atol, share_of, sizes_from, units_of
 from saltus.flow.starting import phase_rate, starting_mode
 from saltus.flow.variational import Average, Growth, frame_tolerance, growth_along
 from saltus.sweeps.section import Section, on_section
@@ -43,6 +44,8 @@ _FIRST = 16  # dropped returns that tell the mean return time
 _LEAST_ABSENCE = 400.0  # `Criteria.absence` below which lanes do not wait as long for a return as is asked for
 _STEPS_KEPT = 256  # steps of a motion that are kept in memory at once
 _ON_A_SHEET = 50  # returns between which angles are moved back by whole turns
+_FEWEST = 2  # returns that tell the time between them
+_FADING = 0.5  # ratio of a state's size in the later half of the returns to the earlier, up to which it fades
 _ATOL = 1e-10  # absolute tolerance of a step for states of size 1 or more
 
 
@@ -86,8 +89,15 @@ class Returns(Protocol):
     ) -> tuple[NDArray[np.float64], int]:
         """Return state and mode from which a motion starts that follows another one's end."""
 
+    @property
+    def unit(self) -> float:
+        """Size that states are believed to have, 1 at most, before a motion shows it."""
+
     def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> PoincareReturns:
         """Return returns after those that are dropped, fewer where the motion stops returning."""
+
+    def fitting(self, p: NDArray[np.float64], found: PoincareReturns) -> Returns:
+        """Return the same with tolerances that fit a settled motion; itself where they do."""
 
     def by_lanes(self, p: NDArray[np.float64], *, growing: bool) -> Returns | None:
         """Return the same that can follow motions side by side in lanes; None where there are no lanes.
@@ -138,6 +148,7 @@ class FlowReturns:
     rtol: float
     atol: float
     limit: float | None = None
+    fits: bool = False  # whether the absolute tolerance is to fit the states
     many: ManyReturns | None = None
     growing: bool = False
     # the last of them where x0 is in no mode
@@ -165,7 +176,13 @@ class FlowReturns:
             rtol=rtol,
             atol=math.nan if atol is None else atol,
             limit=options.limit,
+            fits=atol is None,
         )
+
+    @property
+    def unit(self) -> float:
+        """Size of the least state for which the absolute tolerance is, 1 at most."""
+        return min(self.atol / _ATOL, 1.0) if self.fits else 1.0
 
     @property
     def growth_error(self) -> float:
@@ -243,6 +260,25 @@ class FlowReturns:
             mean = float(first.times[0]) / _FIRST
             unit = mean if self.system.phase is None else max(mean, unit)
         return self._iterated(p, x, mode, dropped, count, self.criteria.absence * unit)
+
+    def fitting(self, p: NDArray[np.float64], found: PoincareReturns) -> FlowReturns:
+        """Return the same with a finer absolute tolerance where a state on the section and between stays far below it.
+
+        A state that fades further is none that a tolerance could fit.
+        """
+        if not self.fits or len(found.times) < _FEWEST:
+            return self
+        count = len(self.system.states)
+        seen = np.abs(found.states[:, :count])
+        halves = [half.max(axis=0) for half in np.array_split(seen, 2)]
+        small = (seen.max(axis=0) < SMALL * self.unit) & (halves[1] > _FADING * halves[0])
+        if not small.any():
+            return self
+        run, time = self._run_for(p, found, self.mean_time(found)), self.mean_time(found)
+        states = np.vstack([run.steps()[2], run.x, found.states[:, : run.x.size]])
+        sizes = sizes_from(self.system, p, run.x, run.mode, states, time).of_states[:count]
+        needed = share_of(sizes[small])
+        return replace(self, atol=needed * _ATOL) if needed < SMALL * self.unit else self
 
     def by_lanes(self, p: NDArray[np.float64], *, growing: bool) -> FlowReturns | None:
         """Return the same that can follow motions side by side in lanes; None where there are no lanes."""
@@ -329,11 +365,12 @@ class FlowReturns:
         multiple = math.lcm(*(order.denominator for order in self._orders(observables)))
         time = self.mean_time(found) * (kind.period or self.keep)
         how_long: dict[str, Any] = {"t_end": time}
+        p = self.system.parameter_vector(parameters)
         if self.system.phase is not None:
-            period = self._period(self.system.parameter_vector(parameters))
+            period = self._period(p)
             how_long = {"periods": multiple * math.ceil(time / period / multiple - 1e-6)}
         name = self.system.mode_names[found.mode_end]
-        how_long |= {"tolerance": (self.rtol, self.atol), "options": SimulationOptions(limit=self.limit)}
+        how_long |= {"tolerance": self._simulated(p), "options": SimulationOptions(limit=self.limit)}
         motion = simulate(self.system, parameters, found.x_end, mode=name, **how_long).motion()
         return list(observe(motion, observables, unheard).values())
 
@@ -384,11 +421,21 @@ class FlowReturns:
         self, p: NDArray[np.float64], found: PoincareReturns, time: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the sizes of full states over a mean return, and the differences that are rounding."""
+        run = self._run_for(p, found, time)
+        sizes = np.abs(run.steps()[2]).max(axis=0)
+        sizes[self.system.angle_places] = np.minimum(sizes[self.system.angle_places], math.pi)
+        return sizes, np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))
+
+    def _run_for(self, p: NDArray[np.float64], found: PoincareReturns, time: float) -> EventDrivenMotion:
+        """Return the motion that goes on for some time, with its steps."""
         run = EventDrivenMotion(
             self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT,
             limit=self.limit,
         )  # fmt: skip
         run.follow(time, None, None)
-        sizes = np.abs(run.steps()[2]).max(axis=0)
-        sizes[self.system.angle_places] = np.minimum(sizes[self.system.angle_places], math.pi)
-        return sizes, np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))
+        return run
+
+    def _simulated(self, p: NDArray[np.float64]) -> float | tuple[float, float]:
+        """Return the tolerance of `simulate`: states without a share of the absolute one have none there either."""
+        relative = self.fits and bool((shares_of(self.system.compiled, p)[: len(self.system.states)] < 1.0).any())
+        return self.rtol if relative else (self.rtol, self.atol)

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 __all__ = ["Begun", "Row", "Task"]
 
 _USUAL = 3  # looks at a motion in doubt, however long they are
+_FITTED = 3  # finer tolerances that are tried for a motion
 _MOST = 100_000  # returns of a further look at the most
 
 
@@ -230,16 +231,31 @@ class Task:
             begin = self.motions.start(p, end)
             if found is None:
                 found = self.motions.settled(p, *begin, self._looked_at)
-            return self._found(parameters, p, self._seen(p, found, known), begin[0])
+            task, found = self._fitting(p, found)
+            return task._found(parameters, p, task._seen(p, found, known if task is self else None), begin[0])
         except self.motions.faults as error:
             return Row(CHATTERING if isinstance(error, ChatteringError) else DIVERGED, str(error))
+
+    def _fitting(self, p: NDArray[np.float64], found: PoincareReturns) -> tuple[Task, PoincareReturns]:
+        """Return the task with tolerances that fit a motion, and the motion that goes on with them."""
+        task = self
+        for _ in range(_FITTED):
+            motions = task.motions.fitting(p, found)
+            if motions is task.motions:
+                break
+            task = replace(task, motions=motions)
+            found = motions.settled(p, found.x_end, found.mode_end, self._looked_at)
+        return task, found
 
     def _found(
         self, parameters: Mapping[str, float], p: NDArray[np.float64], seen: _Seen, begin: NDArray[np.float64]
     ) -> Row:
         if self._rests(seen):
-            pushed = _pushed(seen.found.x_end, _faces(self.system), self.criteria.push)
-            seen = self._seen(p, self.motions.settled(p, pushed, seen.found.mode_end, self._looked_at))
+            pushed = _pushed(seen.found.x_end, _faces(self.system), self.criteria.push, self.motions.unit)
+            task, found = self._fitting(p, self.motions.settled(p, pushed, seen.found.mode_end, self._looked_at))
+            if task is not self:
+                return task._found(parameters, p, task._seen(p, found), begin)
+            seen = self._seen(p, found)
         for look in range(1, self.motions.looks):
             count = self._looked_at * self.criteria.patience**look
             if not self._in_doubt(seen, look) or (look >= _USUAL and count > _MOST):
@@ -301,13 +317,17 @@ class Task:
     def _reason(self, seen: _Seen, p: NDArray[np.float64]) -> str:
         """Return in words why a motion is unresolved."""
         exponent, error = self._leading(seen)
-        found = f"the leading exponent is {exponent:.3g} +- {error:.1g} a return, and no lag repeats"
+        what = "no lag repeats"
+        if seen.kind.rivals[0]:
+            one, other = seen.kind.rivals
+            what = f"the motion still settles, to repeat after {one} or {other}, which cannot be told"
+        found = f"the leading exponent is {exponent:.3g} +- {error:.1g} a return, and {what}"
         never = never_settles(self.system, p, seen.found, self.criteria)
         return f"{found} in {len(seen.found.times)} returns: {never or 'a larger discard or keep may tell'}"
 
     def _rests(self, seen: _Seen) -> bool:
-        """Whether a motion that recurs does so although its leading exponent is above 0, by more than its error."""
-        if seen.growth is None or not seen.kind.period:
+        """Whether a motion recurs, or is on a torus, with a leading exponent that is above 0 by more than its error."""
+        if seen.growth is None or not (seen.kind.period or seen.kind.unstable):
             return False
         exponent, error = float(seen.growth.exponents[0]), float(seen.growth.errors[0])
         return exponent > error + self.motions.growth_error / self.motions.mean_time(seen.found)
@@ -362,10 +382,13 @@ def _faces(system: HybridSystem | Map) -> NDArray[np.bool_]:
     return np.zeros(count, dtype=np.bool_) if isinstance(system, Map) else system.compiled.kinds[:count] == FACE
 
 
-def _pushed(x: NDArray[np.float64], faces: NDArray[np.bool_], push: float) -> NDArray[np.float64]:
-    """Return a state pushed by a share of its size; states that never cross 0 are pushed away from it, unless at 0."""
+def _pushed(x: NDArray[np.float64], faces: NDArray[np.bool_], push: float, unit: float) -> NDArray[np.float64]:
+    """Return a state pushed by a share of its size; states that never cross 0 are pushed away from it, unless at 0.
+
+    `unit` is the size that states are believed to have.
+    """
     pushed, n = x.copy(), faces.size
-    size = np.maximum(np.abs(x[:n]), max(float(np.abs(x[:n]).max()), 1.0) * push)
+    size = np.maximum(np.abs(x[:n]), max(float(np.abs(x[:n]).max()), unit) * push)
     way = np.cos(np.arange(n))  # no symmetry is likely to keep this direction
     pushed[:n] += push * size * np.where(faces, np.abs(way) * np.sign(x[:n]), way)
     return pushed

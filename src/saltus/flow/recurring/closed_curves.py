@@ -100,8 +100,10 @@ def rotation_number(cloud: NDArray[np.float64], limits: Criteria, period: int = 
     """
     first: tuple[float, int] = (math.nan, 0)
     wanted = list(range(1, limits.longest + 1)) if cloud.shape[1] > 1 else []
+    tried: set[int] = set()
     while wanted:
         curves = wanted.pop(0)
+        tried.add(curves)
         if period and (period % curves or period // curves <= limits.longest):
             continue  # too few points on each curve to tell one
         distinct = period // curves
@@ -116,7 +118,7 @@ def rotation_number(cloud: NDArray[np.float64], limits: Criteria, period: int = 
             # as good as a fraction: every curve, or every second, third ..., seen from the middle of them all
             parts_seen = int(as_good_as[0] + 1)
             counts = {parts_seen * i for i in range(1, curves + 1) if curves % i == 0}
-            wanted = sorted(count for count in counts if count != curves and count <= limits.longest)
+            wanted = sorted(count for count in counts - tried if count <= limits.longest)
     return first
 
 

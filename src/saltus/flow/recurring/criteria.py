@@ -43,7 +43,7 @@ class Criteria:
         Time without a return after which a motion is taken not to return. Its unit is the longer of the mean return and
         the phase's period. Before returns are known, periods alone, or 5000 steps a return.
     push : float
-        Part of the size of its state by which a motion that rests on an unstable orbit is pushed.
+        Part of the size of its state by which a motion that rests on an unstable orbit or torus is pushed.
 
     Examples
     --------

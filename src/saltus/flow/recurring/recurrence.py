@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.scales import EPS
+from saltus.flow.recurring.rivals import NO_NEARER, dies, prime_factors
+from saltus.scales import EPS, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,47 +43,101 @@ class Recurrence:
     def settled(self, recurrence: float) -> int:
         """Returns after which the motion recurs, 0 where it does not.
 
-        One that creeps on from each recurrence to the next may turn by nearly a fraction, or pass a bottleneck. It
-        recurs only if its steps become shorter at a steady rate.
+        One that creeps on from each recurrence to the next may turn by nearly a fraction, or pass a bottleneck. It does
+        not recur, unless it is `settling`.
         """
+        creeping: list[int] = []
         for count in self._counts(recurrence):
+            if any(count % other == 0 for other in creeping):
+                continue
             apart = self._apart(count)
-            if apart[len(apart) // 2 :].max() <= recurrence and (
-                not self._creeps(count) or (_dies_out(apart) and self._keeps_up(count, apart))
-            ):
-                return count
+            if apart[len(apart) // 2 :].max() <= recurrence:
+                if not self._creeps(count):
+                    return count
+                creeping.append(count)
         return 0
 
-    def settling(self, rates: tuple[float, float], settling: float) -> int:
+    def settling(self, rates: tuple[float, float, float], settling: float, recurrence: float) -> int:
         """Returns after which it will recur, by the shrinking of the differences; 0 where they do not shrink.
 
-        `rates`: the exponent, and that at which differences shrink at the fastest.
+        `rates`: the exponent, that at which differences shrink at the fastest, and that at the slowest.
         """
-        if self._shrinks(1, rates) and self._keeps_up(1, self._apart(1)):
+        if self._shrinks(1, rates, recurrence) and self._keeps_up() and self._has_come(1, settling):
             return 1
         near = settling * self.extent
-        for count in self._counts(near):
-            if count > 1 and self._shrinks(count, rates):
-                apart = self._apart(count)
-                if apart[len(apart) // 2 :].max() <= near and self._keeps_up(count, apart):
-                    return count
+        failed = [1]
+        for count in self._counts(max(near, recurrence)):
+            if any(count % other == 0 and self._is_no_nearer(count, other) for other in failed):
+                continue
+            apart = self._apart(count)
+            is_near = apart[len(apart) // 2 :].max() <= max(near, recurrence)
+            if is_near and self._shrinks(count, rates, recurrence) and self._has_come(count, settling):
+                return count
+            failed.append(count)
         return 0
+
+    def _has_come(self, count: int, settling: float) -> bool:
+        """Whether a motion that settles has come far, or has little left to go, by the rate at which it settles.
+
+        One that turns by nearly a fraction settles as little as it turns. Where it alternates, twice the count tells.
+        """
+        counts = [count, 2 * count][: 1 + (2 * count <= self.longest)]
+        return any(self._halves(one) or self._left(one) <= settling for one in counts)
+
+    def _halves(self, count: int) -> bool:
+        """Whether differences shrink to half over all the points."""
+        early, late = (float(part.max(initial=0.0)) for part in np.array_split(self._apart(count), 2))
+        return late**2 <= _HALF * early**2
+
+    def _left(self, count: int) -> float:
+        """How far a motion will go in steps of so many returns, if they go on to shrink as they do."""
+        early, late = (float(part.max(initial=0.0)) for part in np.array_split(self._apart(count), 2))
+        if not early > late:
+            return math.inf
+        if late == 0.0:
+            return 0.0
+        halves = 2.0 * count / max(len(self.scaled) - count, 1)  # of the distances, that a step takes
+        return late / -math.expm1(-halves * math.log(early / late))
+
+    def _is_no_nearer(self, count: int, other: int) -> bool:
+        """Whether the last point is no nearer to the one a count earlier than to that another count earlier."""
+        apart = [float(np.max(np.abs(self.scaled[-1] - self.scaled[-1 - earlier]))) for earlier in (count, other)]
+        return apart[0] >= NO_NEARER * apart[1]
+
+    def least(self, count: int) -> tuple[int, int]:
+        """Return the fewest returns after which a motion recurs that settles to recur after so many, and its rival.
+
+        The rival is a count of returns that may be the period as well, 0 where there is none.
+        """
+        rounding = float(self.rounding.max())
+        for factor in prime_factors(count):
+            verdict = dies(self._apart, count // factor, count, rounding)
+            if verdict is not Verdict.NO:
+                return self.least(count // factor) if verdict else (count // factor, count)
+        if 2 * count > self.longest:
+            return count, 0
+        verdict = dies(self._apart, count, 2 * count, rounding)
+        if verdict is Verdict.NO:
+            return self._doubled(2 * count, rounding)
+        return count, 0 if verdict else 2 * count
+
+    def _doubled(self, count: int, rounding: float) -> tuple[int, int]:
+        """Return what `least` does where no part of the count is the period."""
+        while 2 * count <= self.longest:
+            verdict = dies(self._apart, count, 2 * count, rounding)
+            if verdict is not Verdict.NO:
+                return count, 0 if verdict else 2 * count
+            count *= 2
+        return count, 0
 
     def has_shrunk(self, count: int) -> bool:
         """Whether differences have become less by so much that no slowing of their rate is overlooked."""
         parts = [float(part.max(initial=0.0)) for part in np.array_split(self._apart(count), 3)]
         return parts[2] <= _HALF * parts[0]
 
-    def _keeps_up(self, count: int, apart: NDArray[np.float64]) -> bool:
-        """Whether the extent of the points goes where it does on more returns than one, or to 0 on one.
-
-        It shrinks less than half as fast as the differences, or with them, as fast at the end as before.
-        """
-        extents = [extent_of(part) for part in np.array_split(self.scaled, 3)]
-        if count == 1:
-            return _is_steady(extents)
-        thirds = [float(part.max(initial=0.0)) for part in np.array_split(apart, 3)]
-        return extents[2] ** 2 * thirds[0] >= extents[0] ** 2 * thirds[2]
+    def _keeps_up(self) -> bool:
+        """Whether the extent of the points goes to 0, as fast at the end as before."""
+        return _is_steady([extent_of(part) for part in np.array_split(self.scaled, 3)])
 
     def leaves(self, count: int, exponent: float) -> bool:
         """Whether a motion that nearly recurs goes away: differences grow at half the exponent, or faster."""
@@ -104,13 +159,16 @@ class Recurrence:
     def _apart(self, count: int) -> NDArray[np.float64]:
         return np.asarray(np.max(np.abs(self.scaled[count:] - self.scaled[:-count]), axis=1))
 
-    def _shrinks(self, count: int, rates: tuple[float, float]) -> bool:
-        """Whether differences shrink steadily, at half the exponent or faster, but no more than twice as fast as it."""
+    def _shrinks(self, count: int, rates: tuple[float, float, float], recurrence: float) -> bool:
+        """Whether differences shrink steadily, at half the exponent or faster, but no more than twice as fast as it.
+
+        Where the exponent does not tell that they shrink, or they are large, they have to do so clearly.
+        """
         apart = self._apart(count)
         half = len(apart) // 2
         early, late = float(apart[:half].max(initial=0.0)), float(apart[half:].max())
         slow, fast = math.exp(0.5 * min(rates[0], 0.0) * half), math.exp(2.0 * min(rates[1], 0.0) * half)
-        if not (count == 1 and self.falling):
+        if rates[2] >= 0.0 or not (late <= recurrence or (count == 1 and self.falling)):
             slow = min(slow, _SHRUNK)
         return half > 0 and fast * early <= late <= slow * early and late < early and _dies_out(apart)
 
