@@ -52,3 +52,7 @@ BY_CHANCE = 2.0
 # Change of the rate at which a deviation settles beside a bifurcation by terms of the next order, over the square of
 # the rate: of order 1. At the doublings of the logistic map, Henon's, Ricker's and a cubic one it is 2 at the most.
 NEXT_ORDER = 5.0
+
+# Deviations after two counts of returns, one over the other, from which on neither is nearer to a period: the one after
+# a multiple of the period is smaller by the doublings between.
+NO_NEARER = 0.5

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.flow.recurring.rivals import NO_NEARER, dies, prime_factors
-from saltus.scales import EPS, Verdict
+from saltus.flow.recurring.rivals import dies, prime_factors
+from saltus.scales import EPS, NO_NEARER, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

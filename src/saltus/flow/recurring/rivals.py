@@ -17,16 +17,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.flow.recurring.smoothness import weighted_mean
-from saltus.scales import NEXT_ORDER, Verdict
+from saltus.scales import NEXT_ORDER, NO_NEARER, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-__all__ = ["NO_NEARER", "dies", "prime_factors"]
-
-NO_NEARER = 0.5  # deviations after two counts, one over the other, from which on neither is nearer to a period
+__all__ = ["dies", "prime_factors"]
 
 
 def dies(apart: Callable[[int], NDArray[np.float64]], fewer: int, more: int, rounding: float) -> Verdict:
