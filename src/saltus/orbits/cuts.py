@@ -91,6 +91,8 @@ def stretched(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float
 
 def _flies_apart(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
     """Return whether a change grows over a flight, and moves its landing, so far that the flight is to be cut."""
+    if problem.n == 1:  # a change along the motion alone
+        return False
     most = STRETCHED if problem.signature.is_cut else _FLOWN
     if most_grown(problem, u, J) <= most or problem.conserving:
         return False

@@ -214,13 +214,15 @@ class AlgebraicZeroProblem:
             name = Monitor("EX" if value is None else "event", i)
             monitors[name] = self.monitor(name, point)
         monitors = resolved(monitors, self.faint, before)
-        self._origin = u[: self.n].copy() if self._origin is None else self._origin
+        if self._origin is None:
+            self._origin = u[: self.n].copy()
         self.sizes = np.maximum(self.sizes, self.grown(u))
         point.weights = self.metric(u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
+        if before is None:  # what the last step crossed is asked where its points are located
+            return Examined(monitors, None, data)
         self._crossed = None
-        fault = None if before is None else self._fault(point, before, monitors, data)
-        return Examined(monitors, fault, data, frozenset() if before is None else self._twins(data))
+        return Examined(monitors, self._fault(point, before, monitors, data), data, self._twins(data))
 
     def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
         """Return many points at once, as far as nothing happens, and the length of the step behind the last one."""

@@ -75,7 +75,7 @@ def unconfirmed(
     if away.size and float(away.min()) <= CONFIRMED:
         return False
     rounded = RESIDUAL_ROUNDING
-    if problem.signature.flies:  # each step of the flow is rounded, and its piece magnifies that
+    if problem.signature.flies and problem.signature.is_cut:  # a piece magnifies the rounding of each step
         rounded = max(rounded, EPS * problem.steps * most_grown(problem, u, J))
     errors = np.maximum(multiplier_errors(problem, u, J, values)[: inner.size], rounded * _speed(step))
     return not np.any(away <= errors)

@@ -24,6 +24,7 @@ from saltus.errors import InputError, nearest
 from saltus.scales import (
     BRANCH_POINT_NEAR,
     GROWN,
+    ILL_CONDITIONED,
     MET,
     ONE_VALUE,
     PARAMETER_DIGITS,
@@ -265,7 +266,7 @@ class AlgebraicRun(OneParameterRun):
         blunt = False  # whether Newton's method finds no fold at an SN
         count = branch.multiplicity(point.examined.data, kind)
         if kind in ("SN", "BP") and (count == 1 or kind == "BP"):
-            if count > 1:
+            if count > 1 and _meet_at_once(branch, point):
                 u = self._together(branch, half.points[-1][1] if half.points else point, point, count)
             else:
                 solve = solve_branch_point if kind == "BP" else solve_saddle_node
@@ -363,3 +364,13 @@ class AlgebraicRun(OneParameterRun):
             name, replace(solution, parameters=p), event.value, len(half.points), point.arc, tangent=tangent,
             scale=branch.sizes.copy(),
         )  # fmt: skip
+
+
+def _meet_at_once(branch: AlgebraicZeroProblem, point: Point) -> bool:
+    """Return whether the linear equations have several solutions at a branch point: not one, as of a double value."""
+    if branch.n == 1:
+        return False
+    linear = branch.evaluate(point.u)[1][:, : branch.n] * branch.scale()[: branch.n]
+    terms = np.abs(linear).max(axis=1, keepdims=True)
+    values = np.linalg.svd(linear / np.where(terms > 0.0, terms, 1.0), compute_uv=False)
+    return bool(values[-2] <= ILL_CONDITIONED * values[0])

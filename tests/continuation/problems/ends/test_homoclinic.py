@@ -272,7 +272,8 @@ def test_cycle_with_events_is_told_in_words() -> None:
     crossing = saltus.Transition("m", "m", "y", 1, {}, name="section")
     system = HybridSystem(("x", "y"), {"b1": -0.1}, {"m": Mode({"x": "y", "y": "b1 - x + x**2 - x*y"})}, [crossing])
     branch = saltus.continue_orbit(saltus.find_orbit(system, x0=[-0.2, 0.0]), "b1", (-1.0, 0.2))
-    assert "no homoclinic orbit is located: its cycles have events; " in branch.stopped[0]
+    assert "no homoclinic orbit is located: its cycles have events" in branch.stopped[0]
+    assert branch.period.max() > 40.0  # in pieces
 
 
 def test_heteroclinic_cycle_is_told_in_words() -> None:

@@ -85,10 +85,11 @@ class _Orbit:
 
     def _simulated(self, i: int) -> str | None:
         """Return what a simulation from the start of segment i meets with speed before its end, or None."""
-        end = float(self.durations[i]) - TOUCHING * self.period
+        rtol = max(self.curve.tolerance, FINEST)
+        # a surface that is met slowly is met sooner or later by half of the flow's digits
+        end = float(self.durations[i]) - max(TOUCHING, math.sqrt(followed(rtol))) * self.period
         if not end > 0.0:
             return None
-        rtol = max(self.curve.tolerance, FINEST)
         atol = rtol * float(self.sizes[self.sizes > 0.0].min(initial=1.0))
         mode = self.form.modes[i]
         try:
