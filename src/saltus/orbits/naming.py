@@ -12,7 +12,7 @@ from saltus.errors import DefinitionError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.motion_kind import CHAOTIC, QUASI_PERIODIC, STRANGE, UNRESOLVED, Kind, classify
 from saltus.flow.recurring.criteria import Criteria
-from saltus.flow.sizes import RTOL, units_of
+from saltus.flow.sizes import RTOL
 from saltus.flow.variational import Average, frame_tolerance, growth_along
 from saltus.orbits.settling import follow
 from saltus.system.angles import on_circles, wrapped
@@ -164,10 +164,8 @@ def _kind(motion: Unsettled, points: NDArray[np.float64], exponent: float, error
     if count < _ENOUGH:
         grows = exponent > max(error, math.log(count) / count)  # what grows like time has no exponent
         return Kind(CHAOTIC if grows else UNRESOLVED, 0, math.nan, 0)
-    sizes, angles = motion.sizes[: points.shape[1]], motion.system.angle_places
-    rounding = criteria.noise * (motion.atol + RTOL * sizes)
-    units = units_of(sizes, rounding, angles)
-    states, rounding = on_circles(points / units, rounding / units, angles)
+    rounding = criteria.noise * (motion.atol + RTOL * motion.sizes[: points.shape[1]])
+    states, rounding = on_circles(points, rounding, motion.system.angle_places)
     return classify(states, exponent, error, criteria, rounding, autonomous=motion.system.phase is None)
 
 
