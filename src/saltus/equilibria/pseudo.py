@@ -101,4 +101,4 @@ class WithoutPole(EquilibriumProblem):
         """Return the equations and their derivatives: see `without_pole`."""
         moduli = np.abs(u[: self.n])
         sizes = np.where(moduli > 0.0, moduli, float(moduli.max(initial=0.0)) or 1.0)
-        return without_pole(EquilibriumProblem(self.system, self.mode, self.p, self.active, self.scales), u, sizes)
+        return without_pole(self, u, sizes)
