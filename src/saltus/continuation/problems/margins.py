@@ -199,7 +199,18 @@ def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], s
         kept &= ~EARLY
     if grazing.kind == "duration" and np.all(durations[others] > 0.0):
         kept &= ~DURATION
+    if survey.faults & DIRECTION and beside.issuperset(_wrong_ways(problem, survey)):
+        slow = {name.segment for name in without_speed(problem, u)}
+        if slow.issuperset(_wrong_ways(problem, survey)):
+            kept &= ~DIRECTION
     return survey._replace(faults=kept)
+
+
+def _wrong_ways(problem: OrbitProblem, survey: Survey) -> set[int]:
+    """Return the segments whose event has a rate against its direction."""
+    ends = enumerate(problem.signature.transitions)
+    ways = {i: problem.system.transitions[k].direction for i, k in ends if k >= 0}
+    return {i for i, way in ways.items() if way * survey.rates[i, 0] < 0.0}
 
 
 def passing(problem: OrbitProblem, segment: int, transition: int) -> float:

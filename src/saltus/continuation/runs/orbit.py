@@ -16,7 +16,7 @@ from saltus.continuation.problems.ends.accumulating import accumulating
 from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
-from saltus.continuation.problems.ends.shrinking import equilibrium_ahead
+from saltus.continuation.problems.ends.shrinking import equilibrium_ahead, shrunk_to
 from saltus.continuation.problems.ends.slowing import grazing_ahead
 from saltus.continuation.problems.ends.unbounded import (
     grows_at_last,
@@ -53,7 +53,7 @@ from saltus.orbits.signature import ON_BORDER, Signature
 from saltus.orbits.stability.critical import solve_branch_point
 from saltus.orbits.stability.floquet import distance_from_circle
 from saltus.orbits.unfolding import Fixed
-from saltus.scales import ADMISSIBLE_SIDE, BRANCH_POINT_NEAR, FOLD_SHADOW, SAME_POINT, SHRUNK
+from saltus.scales import ADMISSIBLE_SIDE, BRANCH_POINT_NEAR, FOLD_SHADOW, SAME_POINT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -319,10 +319,10 @@ class OrbitRun(OneParameterRun):
             return self.end_at(half, branch, event.point, name)
         if any(s.name in CHANGES and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
-        if self._is_point(half, branch, point):
+        if (shrunk := shrunk_to(branch.problem, half.points, point)) is not None:
             point.examined = beyond.as_before(point.examined, half.points[-1][1].examined.data)
-            half.specials.append(self.found("BE", branch, event, half))
-            return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
+            half.specials.append(replace(self.found("BE", branch, event, half), of=shrunk.kind))
+            return self.ends(half, branch, point, shrunk.told)
         if (hits := accumulating(branch, point, event.name)) is not None:
             point.examined = beyond.without_rounding(point.examined)
             return self.ends(half, branch, point, hits)
@@ -391,15 +391,6 @@ class OrbitRun(OneParameterRun):
         last = half.specials[-1]
         apart = abs(last.solution.parameters[self.name] - point.parameter * self.scale)
         return last.after >= len(half.points) - 2 and apart < FOLD_SHADOW * self._wide * self.scale
-
-    def _is_point(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> bool:
-        """Return whether the autonomous cycle of a point is an equilibrium, by the sizes of the branch's cycles."""
-        if branch.problem.system.phase is not None or not half.points:
-            return False
-        surveys = [item.examined.data.survey for _, item in half.points]
-        n, own = branch.problem.n, point.examined.data.survey
-        largest = np.max([survey.highs[:n] - survey.lows[:n] for survey in surveys], axis=0)
-        return bool(np.all(own.highs[:n] - own.lows[:n] <= SHRUNK * largest))
 
     def found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
         """See `OneParameterRun.found`."""

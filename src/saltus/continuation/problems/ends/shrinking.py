@@ -1,4 +1,4 @@
-"""The end of a branch of autonomous cycles at a Hopf point, where the cycle shrinks to an equilibrium.
+"""The end of a branch of autonomous cycles at a Hopf point, where the cycle shrinks to an equilibrium, or to a point.
 
 docs/theory/continuation.md, "Special points", explains how the point is found.
 """
@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.continuation.core.zero_problem import Examined, Point
+from saltus.continuation.problems.boundary import TWO_FOLD
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, Signature
 from saltus.orbits.stability.hopf import HopfPoint, solve_centre, solve_hopf
-from saltus.scales import HOPF_AGREES, HOPF_AGREES_AFAR, MULTIPLIER_CRITICAL, ONE_VALUE
+from saltus.scales import HOPF_AGREES, HOPF_AGREES_AFAR, MULTIPLIER_CRITICAL, ONE_VALUE, SHRUNK
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["at_rest", "centre_ahead", "equilibrium_ahead"]
+__all__ = ["Shrunk", "at_rest", "centre_ahead", "equilibrium_ahead", "shrunk_to"]
 
 _WITHIN = 5.0  # steps, of the last one's length, to the extrapolated zero of the amplitude, within which it is sought
 _AFAR = 100.0  # the same for a small cycle round 0: its size is the unit of its steps, and these shrink with it
@@ -81,6 +82,32 @@ def _keeps_stability(point: Point, values: NDArray[np.complex128]) -> bool:
         for kind in (own[rows], others[columns])
     ]
     return bool(np.all(sides[0] * sides[1] >= 0.0))
+
+
+class Shrunk(NamedTuple):
+    """The point of a surface to which cycles shrink."""
+
+    kind: str  # of a BE
+    told: str
+
+
+def shrunk_to(problem: OrbitProblem, points: list[tuple[OrbitZeroProblem, Point]], point: Point) -> Shrunk | None:
+    """Return what an autonomous cycle at the end of a branch has shrunk to, by the sizes of the branch's cycles.
+
+    Next to an equilibrium on the surface motions are slow: the period keeps its size. At a two-fold both fields are
+    tangent to the surface and none vanishes: the period shrinks as the cycle does.
+    """
+    if problem.system.phase is not None or not points:
+        return None
+    surveys = [item.examined.data.survey for _, item in points]
+    n, own = problem.n, point.examined.data.survey
+    largest = np.max([survey.highs[:n] - survey.lows[:n] for survey in surveys], axis=0)
+    if not np.all(own.highs[:n] - own.lows[:n] <= SHRUNK * largest):
+        return None
+    longest = max(_period(piece.problem, item) for piece, item in points)
+    if _period(problem, point) <= math.sqrt(SHRUNK) * longest:
+        return Shrunk(TWO_FOLD, "the cycle shrinks to a two-fold")
+    return Shrunk("", "the cycle shrinks to a boundary equilibrium")
 
 
 class _Extrapolated(NamedTuple):
