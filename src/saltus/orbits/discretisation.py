@@ -225,12 +225,12 @@ class Discretised(ABC):
         if self.stiff or self.linear is not None or self.steps < max(FEW * self.segments, 2 * self._looked):
             return False
         self.set_parameters(u)
-        steps, held, errors, worst = self.steps, self.kept(), self._errors, self._worst
+        held, errors, worst = self.kept(), self._errors, self._worst
         self._adapt(u)
         self._looked = self.steps
-        if not self.stiff and 2 * self.steps < steps:  # most of them are asked for by the sensitivities
+        if not self.stiff:  # a new mesh of explicit steps has no errors yet by which it could be moved
             self.take(held)
-            self._errors, self._worst, self._looked = errors, worst, steps
+            self._errors, self._worst, self._looked = errors, worst, self.steps
         return self.stiff
 
     def _move(self, limit: float, *, met: bool = True) -> bool:
