@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import saltus
+from oracles.shooting import distance
 from saltus.continuation.problems.phase_plane import transferred
 from saltus.orbits.cuts import clustered
 from saltus.orbits.problem import OrbitProblem
@@ -115,3 +116,57 @@ def test_pieces_on_planes_have_the_tangent_of_pieces_with_shares_of_the_period()
 
 def null_vector(J):
     return np.linalg.svd(J)[2][-1]
+
+
+def rates(x, p):
+    """Hindmarsh and Rose's field, for SciPy."""
+    return np.array([x[1] - x[0] ** 3 + 3 * x[0] ** 2 - x[2] + p["I"], 1 - 5 * x[0] ** 2 - x[1],
+                     p["r"] * (4 * (x[0] + 1.6) - x[2])])  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bursting():
+    return saltus.find_orbit(hindmarsh_rose(0.005), {"I": 1.49}, x0=[-1.0, -4.0, 1.7])
+
+
+def test_a_look_at_implicit_steps_that_are_not_taken_moves_no_mesh(bursting):
+    problem, u = bursting.problem(), bursting.unknowns
+    problem.start(u)
+    problem.resolve(u)
+    assert not problem.stiff
+    places, errors, worst = problem.mesh[0].copy(), problem._errors.copy(), problem.worst
+    problem._looked = 0
+    assert problem.steps > 500  # so that the look is taken
+    assert not problem.stabilise(u)
+    assert np.array_equal(problem.mesh[0], places)
+    assert np.array_equal(problem._errors, errors)
+    assert problem.worst == worst
+    problem.prepare(u)
+    F, J = problem.evaluate(u)
+    assert np.abs(F).max() < 1e-9
+    assert np.isfinite(J).all()
+
+
+def test_bursts_go_on_behind_the_canard_at_which_they_lose_a_spike(bursting):
+    steps = saltus.StepControl(max_points=16)
+    branch = saltus.continue_orbit(bursting, "I", (1.0, 2.0), directions="up", steps=steps)
+    assert branch.stopped[1].endswith("16 points")
+    assert distance(branch.solution(15), rates, "I", pieces=24) < 1e-9
+
+
+@pytest.mark.parametrize("r", guarding([0.005, 0.01]))
+def test_branch_adds_and_loses_spikes_at_canard_after_canard(r):
+    rest = saltus.find_equilibrium(hindmarsh_rose(r), x0=[-1.3, -7.5, 1.2])
+    born = saltus.switch_branch(saltus.continue_equilibrium(rest, "I", bounds=(0.0, 6.0))["HB1"])
+    branch = saltus.continue_orbit(born, "I", (0.0, 6.0))
+    assert not branch.audit.breaches
+    assert branch.stopped[1].endswith("the cycle shrinks to an equilibrium")
+    if r == 0.005:  # towards a homoclinic orbit that passes its equilibrium twice
+        assert "the period grows without bound" in branch.stopped[0]
+        assert branch.period.max() > 1000.0
+        assert np.ptp(branch.values) > 1.2
+    else:
+        assert branch.stopped[0].endswith("the period halves")
+    rows = np.flatnonzero(branch.period < 400.0)[5:-5]  # without those at which two branches meet
+    for row in rows[np.linspace(0, rows.size - 1, 12).astype(int)]:
+        assert distance(branch.solution(int(row)), rates, "I", pieces=40) < 1e-8

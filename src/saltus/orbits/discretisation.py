@@ -29,7 +29,7 @@ _SETTLING = 6  # of meshes in a row until steps are cut only
 _LONGER = 0.05  # change of a duration from which the dense output is laid out anew
 _DISCRETISATION = (
     "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
-    "_surface_rows", "begun", "_explicit", "relaxes",
+    "_surface_rows", "begun", "_explicit", "relaxes", "begun_durations", "_lasting",
 )  # fmt: skip
 
 Dense = tuple["NDArray[np.float64]", "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]
@@ -46,6 +46,7 @@ class Discretised(ABC):
     transitions: NDArray[np.int64]  # shape (segments,): events at their ends, -1 for none
     extended: NDArray[np.float64]  # parameters with constants behind them
     begun: Survey
+    begun_durations: NDArray[np.float64]  # shape (segments,): durations of which decays are known
     mesh: tuple[NDArray[np.float64], NDArray[np.int64]]  # clustered times, and where each segment's begin
     stiff: bool  # whether steps are implicit
     relaxes: bool  # whether pieces contract so far that they are cut for growth alone, and start on planes
@@ -148,7 +149,9 @@ class Discretised(ABC):
         self._errors = np.zeros(self.mesh[0].size)
 
     def _use(self, places: NDArray[np.float64], starts: NDArray[np.int64]) -> None:
-        self.mesh = (places, starts) if self.stiff else stabilised(places, starts, self._decays)
+        begun = self.begun_durations
+        longer = np.divide(self._lasting, begun, out=np.ones(begun.size), where=begun > 0.0)
+        self.mesh = (places, starts) if self.stiff else stabilised(places, starts, self._decays, longer)
         self._errors = np.zeros(self.mesh[0].size)
 
     def _curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -225,12 +228,12 @@ class Discretised(ABC):
         if self.stiff or self.linear is not None or self.steps < max(FEW * self.segments, 2 * self._looked):
             return False
         self.set_parameters(u)
-        steps, held, errors, worst = self.steps, self.kept(), self._errors, self._worst
+        held, errors, worst = self.kept(), self._errors, self._worst
         self._adapt(u)
         self._looked = self.steps
-        if not self.stiff and 2 * self.steps < steps:  # most of them are asked for by the sensitivities
+        if not self.stiff:  # a new mesh of explicit steps has no errors yet by which it could be moved
             self.take(held)
-            self._errors, self._worst, self._looked = errors, worst, steps
+            self._errors, self._worst, self._looked = errors, worst, self.steps
         return self.stiff
 
     def _move(self, limit: float, *, met: bool = True) -> bool:

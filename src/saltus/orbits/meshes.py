@@ -182,7 +182,10 @@ def decays_along(
 
 
 def stabilised(
-    places: NDArray[np.float64], starts: NDArray[np.int64], decays: Sequence[float | Decay]
+    places: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    decays: Sequence[float | Decay],
+    longer: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return meshes, one after the other, with steps cut where they are too long for stability; where each begins.
 
@@ -194,11 +197,19 @@ def stabilised(
         Where each segment's begin.
     decays : sequence
         Decay over each segment: what `decays` returns, or `decays_along`.
+    longer : ndarray, shape (segments,)
+        Each segment's duration over that of which its decay is known; where it is shorter now, meshes stay.
     """
-    if not any(isinstance(decay, Decay) or decay > _SLOW for decay in decays):
+    now = [_over(decay, max(ratio, 1.0)) for decay, ratio in zip(decays, longer.tolist(), strict=True)]
+    if not any(isinstance(decay, Decay) or decay > _SLOW for decay in now):
         return places, starts
     parts = np.split(places, starts[1:-1])
-    return joined([steady(mesh, decay) for mesh, decay in zip(parts, decays, strict=True)])
+    return joined([steady(mesh, decay) for mesh, decay in zip(parts, now, strict=True)])
+
+
+def _over(decay: float | Decay, longer: float) -> float | Decay:
+    """Return the decay over a segment that lasts longer by a factor."""
+    return decay._replace(values=longer * decay.values) if isinstance(decay, Decay) else longer * decay
 
 
 def joined(meshes: list[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

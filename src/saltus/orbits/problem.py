@@ -173,11 +173,11 @@ class OrbitProblem(Discretised):
         self.conserving.keep(blocks[0], self.parameters_at(u), self.state_scale)
         self._surface_rows = surface_rows(self.system, self.modes, blocks, self.extended, self.state_scale)
         self._set_absolute_tolerance()
+        self.begun_durations = self._lasting = np.abs(blocks[:, self.n])
         self._decays = [*decays(self.system.compiled, self.modes, blocks, self.extended)]
         self.stiff, self.linear = False, None
         if (blocked := self._adapt(u)) is not None:
             return blocked
-        self.begun_durations = np.abs(blocks[:, self.n])
         self._shares = self.begun_durations / max(float(self.begun_durations.sum()), 1e-300)
         self.begun = survey = self.survey(u)
         self.rescale(survey)
@@ -420,7 +420,7 @@ class OrbitProblem(Discretised):
     def survey(self, u: NDArray[np.float64]) -> Survey:
         """Return what a dense look at the orbit `u` shows."""
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
-        if self.linear is not None and np.isfinite(u).all():
+        if np.isfinite(u).all():
             self._lasting = np.abs(u[self.n : self.size : self.n + 1])
         found = room_for(self.n, quantities, self.segments, transitions)
         faults = self._surveys.survey(

@@ -39,6 +39,7 @@ class Unsolved:
     """Why Newton's method finds no point."""
 
     SINGULAR = "Newton: the equations are singular there"
+    INFINITE = "Newton: the equations have no finite values there"
     ENDLESS = "Newton: the flow cannot be followed there"
     APART = "Newton: no contraction"
     LATE = "Newton: too many iterations"
@@ -181,7 +182,7 @@ def correct(
             continue
         steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
         if sign == 0.0 or not math.isfinite(log):
-            return Unsolved.SINGULAR
+            return Unsolved.SINGULAR if np.isfinite(J).all() else Unsolved.INFINITE
         if not size < ENDLESS_FROM:
             return Unsolved.ENDLESS
         u = u + steps[:, 0]

@@ -198,7 +198,8 @@ class OrbitZeroProblem:
         if found is None:
             return None
         if found.told != records.CONVERGED:
-            return _UNSOLVED[found.told]
+            infinite = found.told == records.SINGULAR and not np.isfinite(found.J).all()
+            return Unsolved.INFINITE if infinite else _UNSOLVED[found.told]
         direction = found.direction / math.sqrt(float(weights @ found.direction**2))
         numbers = found.sign, found.log, found.residual, found.iterations
         return Point(found.u, found.J, direction, weights, *numbers)
