@@ -9,6 +9,7 @@ import numpy as np
 
 from saltus.errors import ConvergenceError
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.resting import kept_at_zero
 from saltus.orbits.signature import CLOSED_END, CUT_END, EVENT_END, MEAN_END, Signature
 
 if TYPE_CHECKING:
@@ -87,12 +88,15 @@ def most_grown(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.floa
 
 
 def resting(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which states are 0 where each piece starts, shape (n,): on an invariant plane, without any rounding.
+    """Return which states are 0 all along an orbit, shape (n,): on an invariant plane, without any rounding.
 
-    What grows across the plane magnifies nothing.
+    What grows across the plane magnifies nothing. A state that is 0 only where pieces start, as on a wall, is none of
+    these: the field moves it.
     """
     starts = u[: problem.size].reshape(problem.segments, problem.n + 1)[:, : problem.n]
-    return np.asarray(np.all(starts == 0.0, axis=0))
+    zeros = np.all(starts == 0.0, axis=0)
+    zeros[len(problem.system.states) :] = False
+    return kept_at_zero(problem, problem.state_scale, zeros) if zeros.any() else zeros
 
 
 def across_flow(problem: OrbitProblem, u: NDArray[np.float64], maps: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -28,7 +28,15 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Signature, Survey
     from saltus.system import HybridSystem
 
-__all__ = ["at_rest", "guess_on_plane", "mark_driven", "nearest_to_zero", "on_its_plane", "sizes_nearby"]
+__all__ = [
+    "at_rest",
+    "guess_on_plane",
+    "kept_at_zero",
+    "mark_driven",
+    "nearest_to_zero",
+    "on_its_plane",
+    "sizes_nearby",
+]
 
 _PHASES = 16  # phases at which the field's derivatives are looked at
 _POWERS = 19  # of ten, to either side, up to which sizes are sought
@@ -204,15 +212,32 @@ def nearest_to_zero(problem: Equations, survey: Survey) -> float:
     ends = np.abs(np.stack([lows, highs]))
     shares = ends.min(axis=0) / np.maximum(ends.max(axis=0), 1e-300)
     near = (np.sign(lows) * np.sign(highs) > 0.0) & (shares < NEAR_ZERO)
-    x, modes = np.zeros(problem.n), dict.fromkeys(problem.modes.tolist())
-    x[:count] = lows
-    zeros = np.append(near, np.zeros(problem.n - count, dtype=np.bool_))
+    x = np.append(lows, np.zeros(problem.n - count))
+    zeros = kept_at_zero(problem, x, np.append(near, np.zeros(problem.n - count, dtype=np.bool_)))
+    return max(float(np.min(shares, where=zeros[:count], initial=1.0)), NEAREST_TO_ZERO)
+
+
+def kept_at_zero(problem: Equations, x: NDArray[np.float64], zeros: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which of some states the fields of an orbit's modes keep at 0 where all of these are 0, shape (n,).
+
+    Their zeros are an invariant plane. A place on a wall, or a phase at 0, is moved on.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    x : ndarray, shape (n,)
+        Full state, of which the others are taken: none of these may be 0 by chance.
+    zeros : ndarray of bool, shape (n,)
+        These states; a phase is none of them.
+    """
+    modes, count = dict.fromkeys(problem.modes.tolist()), len(problem.system.states)
     while zeros.any():
         stay = [staying(problem.system.compiled, mode, x, problem.extended, zeros, count) for mode in modes]
         if np.all(stay == zeros):
             break
         zeros = np.logical_and.reduce(stay)
-    return max(float(np.min(shares, where=zeros[:count], initial=1.0)), NEAREST_TO_ZERO)
+    return zeros
 
 
 def on_its_plane(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:

@@ -122,18 +122,26 @@ class _Seen:
         kept = ranges > LOCATED * sizes
         return np.asarray(table[:, kept] / ranges[kept])
 
-    def events(self, i: int) -> list[int]:
-        """Return the transitions that make an orbit of a flow, each as often as it happens; none of other solutions."""
-        form = self.curve.forms[self.curve.form[i]] if "forms" in vars(self.curve) else None
-        if not isinstance(form, Signature):
-            return []
-        transitions = self.curve.system.transitions
-        return sorted(k for k in form.transitions if k >= 0 and not changes_nothing(transitions[k]))
+    @cached_property
+    def events(self) -> list[list[int]]:
+        """The transitions that make each point's orbit of a flow, as often as they happen; none of other solutions."""
+        curve = self.curve
+        if "forms" not in vars(curve) or not isinstance(curve.forms[0], Signature):
+            return [[]] * len(curve)
+        makes = [not changes_nothing(transition) for transition in curve.system.transitions]
+        found = [sorted(k for k in form.transitions if k >= 0 and makes[k]) for form in curve.forms]
+        return [found[k] for k in curve.form.tolist()]
+
+    @cached_property
+    def columns(self) -> list[list[float]]:
+        """The values of each parameter."""
+        found: list[list[float]] = self.values.T.tolist()
+        return found
 
     @cached_property
     def moves(self) -> list[list[float]]:
         """Changes of each parameter from point to point."""
-        return [[b - a for a, b in pairwise(column)] for column in self.values.T.tolist()]
+        return [[b - a for a, b in pairwise(column)] for column in self.columns]
 
     @cached_property
     def turns(self) -> list[list[tuple[int, int]]]:
@@ -224,24 +232,27 @@ def _forward(seen: _Seen, counts: NDArray[np.int64] | None) -> tuple[list[tuple[
 def _retraced(seen: _Seen, k: int, i: int, j: int) -> bool:
     """Return whether the solutions behind a turn lie on the line through those before it, at the same parameter."""
     before = range(i, max(i - _BESIDE, -1), -1)
-    shares = []
-    for b in range(j, min(j + _BESIDE, len(seen.values))):
+    count, values, rounding = 0, seen.columns[k], float(seen.rounding[k])
+    for b in range(j, min(j + _BESIDE, len(values))):
         for a, c in pairwise(before):
-            if not seen.events(a) == seen.events(c) == seen.events(b):
+            start, width = values[a], values[c] - values[a]
+            if abs(width) <= rounding or not 0.0 <= (share := (values[b] - start) / width) <= 1.0:
+                continue
+            if not seen.events[a] == seen.events[c] == seen.events[b]:
                 continue  # an orbit with further events is another one, however near
-            share = _off_line(seen, k, (a, c), b)
-            if share is not None:
-                shares.append(share)
-                break
-    return len(shares) > 1 and max(shares) < ON_LINE
+            away = _off_line(seen, (a, c), share, b)
+            if away is None:
+                continue
+            if not away < ON_LINE:
+                return False
+            count += 1
+            break
+    return count > 1
 
 
-def _off_line(seen: _Seen, k: int, segment: tuple[int, int], b: int) -> float | None:
-    """Return the distance of a point from the line through two others at its parameter, over theirs; None beside it."""
+def _off_line(seen: _Seen, segment: tuple[int, int], share: float, b: int) -> float | None:
+    """Return the distance of a point from the line through two others, over theirs; None where these are the same."""
     a, c = segment
-    start, width = seen.values[a, k], seen.values[c, k] - seen.values[a, k]
-    if abs(width) <= seen.rounding[k] or not 0.0 <= (share := (seen.values[b, k] - start) / width) <= 1.0:
-        return None
     chord = seen.quantities[c] - seen.quantities[a]
     line = seen.quantities[a] + share * chord
     length = float(np.abs(chord).max(initial=0.0))
@@ -253,33 +264,34 @@ def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
     found = []
     points = list(seen.curve.special_points)
     several = len(points) > 1
-    wide = np.maximum(np.ptp(seen.values, axis=0), seen.rounding) if several else seen.rounding
-    extents = [seen.curve._extent(point.solution) for point in points] if several else []
-    events = [_events_of(point) for point in points] if several else []
+    wide = (LOCATED * np.maximum(np.ptp(seen.values, axis=0), seen.rounding)).tolist() if several else []
+    values = [[point.value(name) for name in seen.curve.varied] for point in points] if several else []
     for i, point in enumerate(points):
         for k in range(i):
-            other = points[k]
-            if (point.type, point.of, events[i]) != (other.type, other.of, events[k]):
-                continue
-            if extents[i].shape != extents[k].shape:
-                continue
-            apart = [abs(point.value(name) - other.value(name)) for name in seen.curve.varied]
-            near = same(apart, np.zeros(len(apart)), LOCATED * wide) and same(
-                extents[i], extents[k], LOCATED * seen.size
-            )
-            longer, shorter = (getattr(one.solution, "period", 0.0) for one in (point, other))
-            # next to a homoclinic orbit cycles differ by their periods alone
-            near = near and same(longer, shorter, LOCATED * abs(longer))
-            if (
-                near
-                and _alongside(seen, point.position, other.position)
-                and zero(point.arclength - other.arclength, LOCATED) is Verdict.NO
-            ):
-                found.append((point.position, f"{point.label} is {other.label} once more"))
+            near = all(map(same, values[i], values[k], wide))
+            if near and _is_once_more(seen, point, points[k]):
+                found.append((point.position, f"{point.label} is {points[k].label} once more"))
     # a parameter that never turns comes to no value twice
     if seen.values.shape[1] == 1 and seen.turns[0] and (place := _covered(seen)) is not None:
         found.append((float(place), f"from {_told(seen, place)} on, solutions are there a second time"))
     return found, len(points)
+
+
+def _is_once_more(seen: _Seen, point: Any, other: Any) -> bool:
+    """Return whether two special points at the same parameters, apart along the curve, are one solution."""
+    if (point.type, point.of, _events_of(point)) != (other.type, other.of, _events_of(other)):
+        return False
+    if zero(point.arclength - other.arclength, LOCATED) is not Verdict.NO:
+        return False
+    # next to a homoclinic orbit cycles differ by their periods alone
+    longer, shorter = (getattr(one.solution, "period", 0.0) for one in (point, other))
+    extent, known = seen.curve._extent(point.solution), seen.curve._extent(other.solution)
+    return (
+        extent.shape == known.shape
+        and bool(same(extent, known, LOCATED * seen.size))
+        and bool(same(longer, shorter, LOCATED * abs(longer)))
+        and _alongside(seen, point.position, other.position)
+    )
 
 
 def _events_of(point: Any) -> list[int]:

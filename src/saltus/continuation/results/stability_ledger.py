@@ -177,9 +177,10 @@ def contradicted_labels(curve: Any, counts: NDArray[np.int64] | None) -> tuple[l
     found, told = [], 0
     error = critical_error(vars(curve).get("tolerance", SOLVED))
     borders = [point.value(curve.varied[0]) for point in curve.special_points if point.type in CHANGES]
+    apart = LOCATED * float(np.ptp(curve.values)) if borders else 0.0
     for point in curve.special_points if len(curve.varied) == 1 else ():
         away = _away(curve, point)
-        if away is None or any(_together(curve, point, value) for value in borders):
+        if away is None or (borders and _together(point.value(curve.varied[0]), borders, apart)):
             continue  # next to a grazing multipliers change without bound
         told += 1
         if not away <= error + POINT_OF_BRANCH * _speed(curve, point):
@@ -217,10 +218,9 @@ def at_one(curve: Any) -> NDArray[np.bool_]:
     return np.asarray(~(away > critical_error(vars(curve).get("tolerance", SOLVED))))
 
 
-def _together(curve: Any, point: Any, value: float) -> bool:
-    """Return whether a special point lies at a value of the parameter, as far as places are told apart."""
-    name = curve.varied[0]
-    return bool(same(point.value(name), value, LOCATED * float(np.ptp(curve.values))))
+def _together(value: float, others: list[float], apart: float) -> bool:
+    """Return whether a value of the parameter is one of others, as far as places are told apart."""
+    return any(bool(same(value, other, apart)) for other in others)
 
 
 def _away(curve: Any, point: Any) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,20 +35,22 @@ def afresh(curve: Any) -> tuple[list[tuple[float, str]], int]:
     """
     if not hasattr(curve, "means"):  # no orbits of a flow
         return [], 0
-    count = 2 + min(_ROWS, len(curve) // _EACH)
-    rows = np.unique(np.linspace(0, len(curve) - 1, count).astype(int)).tolist()
-    orbits = [_Orbit(curve, i) for i in rows if curve.admissible[i] and not curve.implicit[i] and _hits(curve, i)]
-    ends = (0, len(curve) - 1)
-    orbits.sort(key=lambda orbit: (orbit.row not in ends, float(orbit.hops.min())))
-    chosen = orbits[: min(_MOST, 1 + len(curve) // _FOR_ONE)]
+    count, most = 2 + min(_ROWS, len(curve) // _EACH), min(_MOST, 1 + len(curve) // _FOR_ONE)
+    first, *middle, last = np.unique(np.linspace(0, len(curve) - 1, count).astype(int)).tolist()
+    chosen: list[_Orbit] = []
+    for rows in ([first, last], middle):  # those in the middle are looked at where the ends leave room for one
+        if len(chosen) < most:
+            orbits = [_Orbit(curve, i) for i in rows if _told(curve, i)]
+            chosen += sorted(orbits, key=lambda orbit: orbit.shortest)[: most - len(chosen)]
     told = [(float(orbit.row), orbit.contradicted()) for orbit in chosen]
     return [(row, text) for row, text in told if text is not None], len(chosen)
 
 
-def _hits(curve: Any, i: int) -> bool:
-    """Return whether an orbit of a curve has events; flights between these may be in pieces."""
+def _told(curve: Any, i: int) -> bool:
+    """Return whether an orbit of a curve is called admissible and has events; its flights may be in pieces."""
     form = curve.forms[curve.form[i]]
-    return max(form.transitions) >= 0 and CUT_END not in form.kinds
+    hits = max(form.transitions) >= 0 and CUT_END not in form.kinds
+    return bool(hits and curve.admissible[i] and not curve.implicit[i])
 
 
 class _Orbit:
@@ -58,23 +61,32 @@ class _Orbit:
         self.p: NDArray[np.float64] = self.system.parameter_vector(curve._parameters_at(row))
         self.form: Signature = curve.forms[curve.form[row]]
         blocks = curve.unknowns[row].reshape(len(self.form), -1)
-        self.starts, self.durations = blocks[:, :-1], blocks[:, -1]
+        self.starts, self.durations = np.ascontiguousarray(blocks[:, :-1]), blocks[:, -1]
         n = self.starts.shape[1]
         self.sizes = np.maximum(np.abs(curve.lows[row]), np.abs(curve.highs[row]))[:n]
         self.period = float(np.abs(self.durations).sum())
-        self.hops = np.array([self._hop(i) for i in range(len(self.form))])
 
-    def _hop(self, i: int) -> float:
-        """Return when a segment comes back to the surface on which it starts, by a parabola, over its duration."""
-        before, n = self.form.transitions[i - 1], self.sizes.size
-        if before < 0 or i not in self.form.heads or not self.durations[i] > 0.0:
-            return math.inf
-        compiled, event, rate = self.system.compiled, np.empty(2 + 2 * n), np.empty(n)
-        x, p = np.ascontiguousarray(self.starts[i]), compiled.extended(self.p)
-        compiled.call("event_x", before, 0, x, p, event)
-        compiled.call("field", self.form.modes[i], 0, x, p, rate)
-        speed, bend = float(event[1]), float(event[2 + n :] @ rate)
-        return -2.0 * speed / bend / float(self.durations[i]) if speed * bend < 0.0 else math.inf
+    @cached_property
+    def hops(self) -> list[float]:
+        """When each segment comes back to the surface on which it starts, by a parabola, over its duration."""
+        compiled, n, heads = self.system.compiled, self.sizes.size, self.form.heads
+        found, p, event, rate = [math.inf] * len(self.form), compiled.extended(self.p), np.empty(2 + 2 * n), np.empty(n)
+        slope = event[2 + n :]
+        for i in heads:
+            before, duration = self.form.transitions[i - 1], float(self.durations[i])
+            if before < 0 or not duration > 0.0:
+                continue
+            compiled.call("event_x", before, 0, self.starts[i], p, event)
+            compiled.call("field", self.form.modes[i], 0, self.starts[i], p, rate)
+            speed, bend = float(event[1]), float(slope @ rate)
+            if speed * bend < 0.0:
+                found[i] = -2.0 * speed / bend / duration
+        return found
+
+    @property
+    def shortest(self) -> float:
+        """The shortest of its hops."""
+        return min(self.hops)
 
     def contradicted(self) -> str | None:
         """Return in words what a simulation from a segment's start meets before the segment ends; None if nothing."""
@@ -96,6 +108,8 @@ class _Orbit:
             motion = EventDrivenMotion(self.system, self.p, self.starts[i].copy(), mode, rtol, atol)
             motion.follow(end, None, 1)
         except SaltusError:  # it cannot be simulated: nothing is told
+            return None
+        if not motion.events_passed:
             return None
         times, which, sides, _ = (column[-1:] for column in motion.events())  # the phase may have gone back before
         if not times.size or which[0, 0] < 0 or not NO_DURATION * self.period < times[0] < end:

@@ -15,6 +15,7 @@ from saltus.errors import SaltusError
 from saltus.flow.saltation import saltation_matrix
 from saltus.orbits.observables.sampling import motion_of, steps_of
 from saltus.scales import EPS, UNIT_OF_GROWTH, Verdict, value_error, zero
+from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from saltus.flow.stretch import Motion
     from saltus.orbits.observables.sampling import Steps
     from saltus.orbits.problem import OrbitProblem
+    from saltus.system.hybrid import Transition
 
 __all__ = ["liouville"]
 
@@ -100,19 +102,29 @@ def _logarithm(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[float, fl
     if not error < UNIT_OF_GROWTH * UNIT_OF_GROWTH:
         rough, total = _divergence(motion_of(problem, u))
         error = abs(total - rough)
-    system, names = problem.system, problem.system.transition_names
+    system, transitions = problem.system, problem.system.transitions
     parameters = problem.named_at(u)
-    for index, transition in enumerate(problem.signature.transitions):
-        if transition < 0:
+    for index, k in enumerate(problem.signature.transitions):
+        if k < 0:
             continue
-        matrix = saltation_matrix(system, parameters, names[transition], steps.ends[index])
+        matrix = saltation_matrix(system, parameters, transitions[k].name, steps.ends[index])
         if matrix.shape[0] != matrix.shape[1]:
             return None  # modes with states of their own
         determinant = abs(float(np.linalg.det(matrix)))
-        if not determinant > EPS * float(np.abs(matrix).max()) ** len(matrix):
+        if not determinant > EPS * _largest_term(problem, transitions[k], matrix):
             return None  # a motion is caught, as on a sliding surface
         total += math.log(determinant)
     return total, error
+
+
+def _largest_term(problem: OrbitProblem, transition: Transition, matrix: NDArray[np.float64]) -> float:
+    """Return how large a term of the determinant of a saltation matrix may be, whatever units its states have."""
+    rows = columns = problem.state_scale
+    if len(matrix) < rows.size:
+        names, (source, target) = problem.system.mode_names, (transition.source, transition.target)
+        rows, columns = (np.delete(rows, absent_states(problem.system, names.index(mode))) for mode in (target, source))
+    relative = np.abs(matrix) * (columns / rows[:, None])
+    return float(relative.max() ** len(matrix) * np.prod(rows / columns))
 
 
 def _at_nodes(problem: OrbitProblem, steps: Steps, u: NDArray[np.float64]) -> tuple[float, float]:
