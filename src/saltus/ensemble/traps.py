@@ -52,9 +52,9 @@ class Ellipsoids:
         )
         return cls(centres, shapes, labels, np.concatenate(normals), np.concatenate(offsets), modes)
 
-    def smaller(self, times: float) -> Ellipsoids:
-        """Return the ellipsoids and their planes, `times` times smaller."""
-        return replace(self, shapes=times * self.shapes, offsets=self.offsets / times)
+    def smaller(self, times: NDArray[np.float64]) -> Ellipsoids:
+        """Return the ellipsoids and their planes, each `times` times smaller, shape (count,)."""
+        return replace(self, shapes=times[:, None, None] * self.shapes, offsets=self.offsets / times[:, None])
 
     def narrowest(self) -> float:
         """Return the least distance of a centre from where its ellipsoid, or a plane, ends."""

@@ -489,8 +489,8 @@ def test_what_is_nearer_to_an_attractor_is_within_its_planes_too(wells):
     from saltus.basins.map.labelling import _nearer
 
     points = {label: wells.points[name] for label, name in enumerate(wells.names)}
-    nearer = _nearer(wells.traps, points)
-    x = np.random.default_rng(3).uniform(-0.2, 0.2, (2000, 2))
+    nearer = _nearer(wells.traps, points, None)
+    x = np.random.default_rng(3).uniform(-1e-4, 1e-4, (2000, 2))
     for label, own in points.items():
         told = [(nearer.of(row, 0), wells.traps.of(row, 0)) for row in own[0] + x]
         assert {pair for pair in told if pair[0] != UNDECIDED} == {(label, label)}

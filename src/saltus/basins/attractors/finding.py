@@ -26,7 +26,7 @@ from saltus.system.maps import checked_system
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["attractors_from", "find_attractors"]
+__all__ = ["attractors_from", "find_attractors", "search_of"]
 
 # Digits of a place, in half widths of the region, by which attractors are sorted: a point's, a sample mean's.
 _DIGITS = (7, 2)
@@ -111,8 +111,8 @@ def find_attractors(
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
     with Reporter(progress) as reporter:
-        search = _search_of(system)(system, parameters, low, high, chosen, reporter)
-        starts = search.starts(chosen.starts)
+        search = search_of(system)(system, parameters, low, high, chosen, reporter)
+        starts = np.concatenate([search.starts(chosen.starts), _further(search, chosen)])
         if not len(starts):
             raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
         search.follow(starts)
@@ -123,13 +123,13 @@ def find_attractors(
 
 
 @singledispatch
-def _search_of(system: HybridSystem | Map) -> type[AttractorSearch]:
+def search_of(system: HybridSystem | Map) -> type[AttractorSearch]:
     """Return the search that follows the motions of a system."""
     return AttractorSearch
 
 
-@_search_of.register(Map)
-def _search_of_map(system: Map) -> type[AttractorSearch]:
+@search_of.register(Map)
+def search_of_map(system: Map) -> type[AttractorSearch]:
     return MapSearch
 
 
@@ -182,6 +182,16 @@ def attractors_from(
 
 def _checked_options(options: AttractorOptions | None) -> AttractorOptions:
     return AttractorOptions() if options is None else checks.instance("options", options, AttractorOptions)
+
+
+def _further(search: AttractorSearch, options: AttractorOptions) -> NDArray[np.float64]:
+    """Return the states from which motions start besides those of the region."""
+    states = search.system.states
+    for state in options.also:
+        if len(state) != len(states) or not search.ensemble.admits(np.array(state)):
+            allowed = f"states from which motions can start, each of {', '.join(states)}"
+            raise InputError("AttractorOptions.also", state, allowed)
+    return np.reshape(options.also, (len(options.also), len(states))).astype(np.float64)
 
 
 def _checked_region(system: Definition, region: object) -> dict[str, tuple[float, float]]:

@@ -45,6 +45,9 @@ class AttractorOptions:
     starts : int
         Count of motions from the region. An attractor whose basin is a small share w of the region is missed with a
         probability of about ``(1 - w)^starts``; ``starts = 3/w`` finds it at 95 %.
+    also : sequence of states
+        States, each in the system's order, from which motions start besides. From a state of its basin an attractor is
+        found however small its basin is. `Basins.label_error` tells a state on each attractor that was missed.
     motions : int or None
         Count of the motions that will be labelled, by default 40 000, and for `map_basins` the count of its cells. The
         search takes at most about ten times as long as their labelling. Trapping regions are enlarged while this saves
@@ -76,6 +79,7 @@ class AttractorOptions:
     """
 
     starts: int = 256
+    also: tuple[tuple[float, ...], ...] = ()
     motions: int | None = None
     interval: float | None = None
     rng: int | np.random.Generator = 0
@@ -90,6 +94,9 @@ class AttractorOptions:
         for name in ("starts", "longest", *(["motions"] if self.motions is not None else [])):
             count = checks.size if name == "starts" else checks.count
             object.__setattr__(self, name, count(f"AttractorOptions.{name}", getattr(self, name)))
+        also = checks.listed("AttractorOptions.also", self.also, "states")
+        states = (checks.array("AttractorOptions.also", state, "states, each a row of numbers") for state in also)
+        object.__setattr__(self, "also", tuple(tuple(np.atleast_1d(state).tolist()) for state in states))
         if self.interval is not None:
             object.__setattr__(self, "interval", checks.positive("AttractorOptions.interval", self.interval))
         checks.generator("AttractorOptions.rng", self.rng)

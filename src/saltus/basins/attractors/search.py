@@ -67,6 +67,13 @@ class AttractorSearch(PeriodicSearch):
         self.find_caged()
         if not self.found:
             check_contraction(self.ensemble, x, self.options.longest)
+        self.settle(x)
+        if self.neutral and not self.found:
+            where = f"along {self.neutral} motions"
+            raise nothing_attracts(self.system.name, self.parameters, where, self.options.longest)
+
+    def settle(self, x: NDArray[np.float64]) -> None:
+        """Follow motions from given states until each has settled on an attractor, known or new, or is given up."""
         modes = np.array([self.ensemble.starting_mode(row) for row in x], np.int64)
         done, stride = 0, _STRIDE
         self.reporter.expect(len(x))
@@ -76,9 +83,6 @@ class AttractorSearch(PeriodicSearch):
             self.reporter.step(before - len(x), _FOLLOWED)
             stride *= 2
         self.reporter.step(len(x), _FOLLOWED)
-        if self.neutral and not self.found:
-            where = f"along {self.neutral} motions"
-            raise nothing_attracts(self.system.name, self.parameters, where, self.options.longest)
 
     def _advance(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], done: int, stride: int, own: Found | None = None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,7 +48,7 @@ def dataset_of(basins: Any) -> xr.Dataset:
         },
     )
     if basins.noted_error is not None and basins.path is None:
-        dataset.attrs["label_error"] = json.dumps(asdict(basins.noted_error))
+        dataset.attrs["label_error"] = json.dumps(basins.noted_error.as_data())
     dataset["labels"].encoding["_FillValue"] = None
     return dataset
 

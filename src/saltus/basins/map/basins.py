@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -17,8 +17,7 @@ from saltus.basins.map.grid import Grid, tiles
 from saltus.basins.map.labelling import Labelling
 from saltus.basins.map.outcomes import Outcomes, attractors_bytes, named_labels, outcomes_from, points_of
 from saltus.basins.map.store import Store, Window
-from saltus.basins.map.wrong_labels import LabelError, differing, label_error_of
-from saltus.basins.wilson import wilson
+from saltus.basins.map.wrong_labels import LabelError, compared, label_error_of
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED
 from saltus.errors import InputError
 from saltus.progress import ended
@@ -292,16 +291,18 @@ class Basins(Result):
         The share depends on the system. With one tolerance, a grid may have no wrong label, and another with long
         chaotic transients one in twenty.
 
-        Motions are followed at a finer tolerance, until they are ten times nearer to an attractor than the trapping
-        regions reach. So errors of these regions count too. Errors that all lanes share do not; therefore the
+        Motions are followed at a finer tolerance, until they are up to 10 000 times nearer to an attractor than the
+        trapping regions reach. So errors of these regions count too. Errors that all lanes share do not; therefore the
         event-driven flow, with steps of another kind, also follows the first of the motions, at 1e-11. The boxes of
         chaotic or quasi-periodic attractors are not checked. For a map, images one by one take the place of the flow.
+
+        A motion that comes near no attractor, however long it is followed, has a wrong label. From such motions a
+        search starts anew, and tells the attractors that the first one missed.
 
         Parameters
         ----------
         cells : int, optional
-            Count of the cells drawn, perhaps twice. Cells that are undecided or not done do not count. Nor do cells
-            whose motion is near no attractor after twice `longest` periods.
+            Count of the cells drawn, perhaps twice. Cells that are undecided or not done do not count.
         by_events : int, optional
             Count of these cells that the event-driven flow follows, in some milliseconds each.
         tolerance : float, optional
@@ -326,12 +327,7 @@ class Basins(Result):
         labels = np.asarray(self.labels[at])
         said = (labels != NOT_DONE) & (labels != UNDECIDED)
         labels, points = labels[said], self.grid.at(np.stack(at, axis=-1)[said])
-        known, held = self.attractors.labels, self.attractors.points
-        strict = self._labelling.stricter(tolerance, {known[name]: held[name] for name in held})
-        wrong, compared = differing(labels, strict.of(points))
-        bound = wilson(wrong, compared)[1] if compared else 1.0
-        by_hand = differing(labels[:few], strict.by_events(points[:few]))
-        return LabelError(wrong, compared, bound, tolerance, *by_hand)
+        return compared(labels, points, few, tolerance, self._labelling, self.attractors, self.grid)
 
     @cached_property
     def _labelling(self) -> Labelling:
@@ -382,7 +378,7 @@ class Basins(Result):
         if self.undecided:
             store.note(undecided=self.undecided)
         if self.noted_error:
-            store.note(label_error=asdict(self.noted_error))
+            store.note(label_error=self.noted_error.as_data())
         return path
 
     def __reduce__(self) -> tuple[Any, ...]:

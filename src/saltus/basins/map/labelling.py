@@ -15,7 +15,9 @@ import numpy as np
 
 from saltus import checks
 from saltus.basins.attractors.closed_sides import ClosedSides
+from saltus.basins.attractors.found import SAME
 from saltus.basins.attractors.trap_files import check_traps, traps_as_data, traps_from_data
+from saltus.basins.map.patience import LEAST_NEARER, NEARER, patience_again
 from saltus.ensemble.ensemble import limit_at
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import InputError
@@ -55,9 +57,6 @@ _BATCH = {"cpu": 1, "cuda": 2**22}  # cells that an engine is handed at once, un
 _FOLLOWERS = {"cpu": 2, "cuda": 1}  # batches computed at once: threads that one leaves idle serve the next
 
 _AHEAD = 1  # batches that wait while others are computed
-
-_NEARER = 10.0  # factor by which trapping regions shrink where labels are checked
-_LONGER = 2  # factor by which motions are then followed longer
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +137,10 @@ class Labelling:
         """Return the labels of the motions that start at a point, shape (n,), one for each mode defined there."""
         return _from_each_mode(self.system, self, point)
 
-    def stricter(self, tolerance: float, points: Mapping[int, ArrayLike]) -> Labelling:
-        """Return a labelling on the processor by regions that reach a tenth as far from the attractors.
+    def stricter(
+        self, tolerance: float, points: Mapping[int, ArrayLike], decays: Mapping[int, float] = MappingProxyType({})
+    ) -> Labelling:
+        """Return a labelling on the processor by regions next to the attractors, where nothing else can be missed.
 
         The boxes of attractors that are no periodic orbits stay as they are.
 
@@ -149,10 +150,13 @@ class Labelling:
             Of a step.
         points : mapping of int to array_like, shape (k, n)
             Points of the attractors, by label.
+        decays : mapping of int to float, optional
+            Factor by which distances from an attractor shrink in a period, by label, where it is known.
         """
+        longest = patience_again(self.longest, decays.values())
         return replace(
-            self, tolerance=tolerance, longest=_LONGER * self.longest, traps=_nearer(self.traps, points), engine="cpu",
-            preview=False,
+            self, tolerance=tolerance, longest=longest, traps=_nearer(self.traps, points, self.scale),
+            engine="cpu", preview=False,
         )  # fmt: skip
 
     def by_events(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -336,19 +340,22 @@ def _shape(cells: Sequence[slice]) -> tuple[int, ...]:
     return tuple(part.stop - part.start for part in cells)
 
 
-def _nearer(traps: Traps, points: Mapping[int, ArrayLike]) -> Traps:
-    """Return ellipsoids about the attractors' points, smaller than their ellipsoids and cages by `_NEARER`."""
+def _nearer(traps: Traps, points: Mapping[int, ArrayLike], scale: Sequence[float] | None) -> Traps:
+    """Return ellipsoids about the attractors' points, smaller than their ellipsoids and cages: next to rounding."""
     if traps.ellipsoids is None and traps.cages is None:
         return traps
-    parts = [] if traps.ellipsoids is None else [traps.ellipsoids.smaller(_NEARER)]
+    parts = [] if traps.ellipsoids is None else [traps.ellipsoids]
     if (c := traps.cages) is not None:
         for rows, bound, label, mode in zip(c.rows, c.bounds, c.labels, c.modes, strict=True):
             own = np.atleast_2d(points[int(label)])
             shape = np.linalg.qr(np.concatenate([rows.real, rows.imag]))[1]  # |rows x| = |shape x|
-            shapes = np.broadcast_to(_NEARER / bound * shape, (len(own), *shape.shape))
+            shapes = np.broadcast_to(shape / bound, (len(own), *shape.shape))
             modes = np.full(len(own), mode)
             parts.append(Ellipsoids(own, shapes, np.full(len(own), label, np.uint8), modes=modes))
-    return replace(traps, cages=None, ellipsoids=Ellipsoids.joined(parts))
+    joined = Ellipsoids.joined(parts)
+    units = np.ones(traps.n) if scale is None else np.array(scale)
+    half_widths = 1.0 / np.linalg.norm(joined.shapes * units, 2, axis=(1, 2))
+    return replace(traps, cages=None, ellipsoids=joined.smaller(np.clip(half_widths / SAME, LEAST_NEARER, NEARER)))
 
 
 def _points(grid: Grid, batch: Sequence[tuple[slice, ...]]) -> NDArray[np.float64]:

@@ -172,8 +172,7 @@ def map_basins(
         else:
             basins = run.through(labelling.units(cells, run.units), found, inputs)
     if (error := basins.noted_error) is not None and error.large:
-        told = f"wrong labels: {error}; motions are chaotic for long before they settle, or a trapping region is wrong"
-        warnings.warn(f"saltus: {told}: trust no single cell, only shares of many", RuntimeWarning, stacklevel=2)
+        warnings.warn(f"saltus: wrong labels: {error}; {error.hint}", RuntimeWarning, stacklevel=2)
     return basins
 
 
@@ -229,7 +228,7 @@ class _Run:
         """Follow some cells of a complete store again, once, and note how many labels were wrong."""
         if "label_error" not in store.attributes:
             error = Basins.of_store(store, attractors).label_error(self._some(_FEWEST), by_events=_BY_EVENTS)
-            store.note(label_error=asdict(error))
+            store.note(label_error=error.as_data())
 
     def checked(self, basins: Basins) -> Basins:
         """Return basins in memory with the share of wrong labels among some cells; an interrupt leaves it out."""

@@ -8,23 +8,30 @@ the same rate all the way is in the region after ``log R / -log m`` periods.
 from __future__ import annotations
 
 import math
+import sys
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import NDArray
 
     from saltus.ensemble.traps import Traps
 
-__all__ = ["Patience", "decay_periods", "patience_for"]
+__all__ = ["NEARER", "Patience", "approach", "decay_periods", "patience_again", "patience_for"]
 
 _LEAST = 200  # default periods that motions are followed, at least
 _MOST = 100_000  # the same, at most
 
 _SAFETY = 4.0  # periods followed over those of the slowest linear decay: saddles and nonlinear decay take longer
+
+# factors by which trapping regions shrink where labels are checked, down to `SAME`: what else a region holds is found
+# unless it lies in the region's innermost part
+NEARER = 1e4
+LEAST_NEARER = 10.0
+_LONGER = 2  # factor by which motions are then followed longer, their approach to the attractor aside
 
 
 class Patience(NamedTuple):
@@ -66,6 +73,21 @@ def patience_for(attractors: Any, box: Mapping[str, tuple[float, float]]) -> Pat
 
 def _times(periods: float, what: str) -> Patience:
     return Patience(math.ceil(_SAFETY * periods), f"{_SAFETY:g} times {what}")
+
+
+def patience_again(longest: int, decays: Iterable[float]) -> int:
+    """Return how long motions are followed where labels are checked, which were followed for `longest` periods.
+
+    It is long enough for each to come as much nearer to its attractor as the regions are smaller there.
+    """
+    return max(_LONGER * longest, _LEAST) + max((min(approach(decay), _MOST) for decay in decays), default=0)
+
+
+def approach(decay: float) -> int:
+    """Return after how many periods, at most, motions that decay by a factor a period are nearer by `NEARER`."""
+    if not 0.0 < decay < 1.0:
+        return 0 if decay < 1.0 else sys.maxsize
+    return math.ceil(_SAFETY * math.log(NEARER) / -math.log(decay))
 
 
 def decay_periods(traps: Traps, label: int, decay: float, low: NDArray[np.float64], high: NDArray[np.float64]) -> float:

@@ -1,4 +1,8 @@
-"""Count of labels that differ from those of motions followed more exactly."""
+"""Count of labels that differ from those of motions followed more exactly.
+
+A labelled motion that comes near no attractor, followed long enough, ends on something that the search has not found.
+So its label counts as wrong, and a search that starts from it tells on what it ends.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +13,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
+from saltus.basins.attractors.missed import KnownAttractor, missed_by
+from saltus.basins.map.patience import approach
+from saltus.basins.wilson import wilson
 from saltus.ensemble.traps import UNDECIDED
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["LabelError", "differing", "label_error_of"]
+    from saltus.basins.map.grid import Grid
+    from saltus.basins.map.labelling import Labelling
+
+__all__ = ["LabelError", "compared", "label_error_of"]
 
 _LARGE = 0.01  # share of wrong labels beyond which basins are told to be rough
+
+_LATER = ("nowhere", "untold", "missed")  # parts of an error that earlier versions did not write
+
+_STARTS = 64  # motions that end nowhere known from which a search starts, at most
 
 
 @dataclass(frozen=True)
@@ -27,13 +41,19 @@ class LabelError:
     Attributes
     ----------
     wrong, cells : int
-        Count of labels that differ, and of all compared.
+        Count of labels that differ, and of all compared. A labelled motion that ends nowhere known is wrong.
     bound : float
         Upper bound on the share of wrong labels, at 95 % confidence.
     tolerance : float
         Tolerance of a step of the motions followed anew.
     wrong_by_events, cells_by_events : int
         The two counts for the cells that the event-driven flow followed as well, or images of a map one by one.
+    nowhere : int
+        Count of the wrong ones that come near no attractor, however long they are followed.
+    untold : int
+        Count of the motions that creep so slowly that they cannot be told from those: no cells that are compared.
+    missed : str
+        The attractors on which motions end that end nowhere known, in words; empty where none was found.
     """
 
     wrong: int
@@ -42,28 +62,118 @@ class LabelError:
     tolerance: float
     wrong_by_events: int = 0
     cells_by_events: int = 0
+    nowhere: int = 0
+    untold: int = 0
+    missed: str = ""
 
     def __str__(self) -> str:
-        by_events = (
-            f"; {self.wrong_by_events} of {self.cells_by_events} followed one by one" if self.wrong_by_events else ""
-        )
-        return f"{self.wrong} of {self.cells} followed again, < {self.bound:.2g} at 95 %{by_events}"
+        told = [f"{self.wrong} of {self.cells} followed again, < {self.bound:.2g} at 95 %"]
+        if self.nowhere:
+            told.append(f"{self.nowhere} of them end on no known attractor")
+        if self.missed:
+            told.append(f"missed by the search: {self.missed}")
+        if self.untold:
+            told.append(f"{self.untold} more creep too slowly to be told")
+        if self.wrong_by_events:
+            told.append(f"{self.wrong_by_events} of {self.cells_by_events} followed one by one")
+        return "; ".join(told)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data, without the later parts where they are empty, as earlier versions wrote it."""
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        return {name: value for name, value in parts.items() if value or name not in _LATER}
 
     @property
     def large(self) -> bool:
-        """Whether more than one label in a hundred differs."""
-        return self.wrong > _LARGE * self.cells or self.wrong_by_events > max(_LARGE * self.cells_by_events, 1)
+        """Whether more than one label in a hundred differs, or an attractor was missed."""
+        return (
+            bool(self.missed)
+            or self.wrong > _LARGE * self.cells
+            or self.wrong_by_events > max(_LARGE * self.cells_by_events, 1)
+        )
+
+    @property
+    def hint(self) -> str:
+        """What wrong labels come from, and what helps, in words."""
+        if self.missed:
+            return "find attractors with more starts, or from these states too: AttractorOptions(also=[...])"
+        if self.nowhere > _LARGE * self.cells:
+            return "what these motions end on is no attractor, or is found from more starts"
+        causes = "motions are chaotic for long before they settle, or a trapping region is wrong"
+        return f"{causes}: trust no single cell, only shares of many"
 
 
-def differing(labels: NDArray[np.uint8], others: NDArray[np.uint8]) -> tuple[int, int]:
+def compared(
+    labels: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    by_events: int,
+    tolerance: float,
+    labelling: Labelling,
+    attractors: Any,
+    grid: Grid,
+) -> LabelError:
+    """Return the error of labels, shape (m,), of motions from points, shape (m, n), which are followed anew.
+
+    Parameters
+    ----------
+    by_events : int
+        Count of the motions that are followed one by one as well.
+    tolerance : float
+        Tolerance of a step.
+    labelling : Labelling
+        With which the labels were made.
+    attractors : Attractors or Outcomes
+        Meanings of the labels.
+    grid : Grid
+        Whose box is searched, where no region is known.
+    """
+    known, held = attractors.labels, attractors.points
+    decays = {known[name]: decay for name, decay in getattr(attractors, "decays", {}).items()}
+    strict = labelling.stricter(tolerance, {known[name]: held[name] for name in held}, decays)
+    others = strict.of(points)
+    creeping = {label for label, decay in decays.items() if approach(decay) > strict.longest}
+    lost = others == UNDECIDED
+    untold = lost & np.isin(labels, list(creeping))
+    nowhere = lost & ~untold
+    wrong, cells = int((~untold & (labels != others)).sum()), int((~untold).sum())
+    few = np.flatnonzero(~lost[:by_events])
+    by_hand = _differing(labels[few], strict.by_events(points[few]))
+    box = getattr(attractors, "region", None) or grid.box
+    missed = _missed(strict, attractors, box, points[nowhere][:_STARTS]) if nowhere.any() else ""
+    bound = wilson(wrong, cells)[1] if cells else 1.0
+    return LabelError(wrong, cells, bound, tolerance, *by_hand, int(nowhere.sum()), int(untold.sum()), missed)
+
+
+def _missed(
+    labelling: Labelling, attractors: Any, box: Mapping[str, tuple[float, float]], starts: NDArray[np.float64]
+) -> str:
+    """Return the attractors other than the known ones on which motions from some states end, in words."""
+    known = [
+        KnownAttractor(
+            getattr(attractors, "kinds", {}).get(name, ""), points, getattr(attractors, "orbits", {}).get(name),
+            labelling.traps.ellipsoids, attractors.labels[name],
+        )
+        for name, points in attractors.points.items()
+    ]  # fmt: skip
+    found = missed_by(labelling.system, labelling.parameters, box, known, starts, labelling.interval)
+    return ", ".join(found)
+
+
+def _differing(labels: NDArray[np.uint8], others: NDArray[np.uint8]) -> tuple[int, int]:
     """Return the count of labels that differ from decided reference labels, and the count of those."""
     decided = others != UNDECIDED
     return int((decided & (labels != others)).sum()), int(decided.sum())
 
 
 def label_error_of(kept: Any) -> LabelError:
-    """Return the label error in a store's metadata."""
-    wanted = {part.name for part in fields(LabelError)}
-    if not isinstance(kept, Mapping) or set(kept) != wanted or not all(map(checks.is_real, kept.values())):
-        raise InputError("attribute 'label_error'", kept, f"numbers by {', '.join(sorted(wanted))}")
+    """Return the label error in a store's metadata; files of earlier versions lack its later parts."""
+    parts = {part.name for part in fields(LabelError)}
+    if (
+        not isinstance(kept, Mapping)
+        or not parts.difference(_LATER) <= set(kept) <= parts
+        or not all(
+            isinstance(value, str) if name == "missed" else checks.is_real(value) for name, value in kept.items()
+        )
+    ):
+        raise InputError("attribute 'label_error'", kept, f"numbers by {', '.join(sorted(parts))}")
     return LabelError(**kept)
