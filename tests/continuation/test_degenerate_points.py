@@ -9,11 +9,15 @@ import pytest
 
 from saltus import (
     HybridSystem,
+    Map,
+    Mode,
+    Transition,
     continue_equilibrium,
     continue_locus,
     continue_orbit,
     filippov,
     find_equilibrium,
+    find_orbit,
     load,
     solve_orbit,
     switch_branch,
@@ -154,3 +158,24 @@ def test_a_closed_branch_that_starts_at_a_fold_has_it_once(tolerance, offset, di
     folds = sorted(point.value("I") for point in branch.special_points)
     assert folds == [pytest.approx(1.0, abs=1e-9), pytest.approx(1.6537152, abs=1e-5)]
     assert branch.special_points.of_type("SN") == list(branch.special_points)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("kind", ["map", "kicks"])
+def test_a_period_doubling_without_a_cubic_term_is_degenerate_and_its_doubled_orbits_are_found(kind, sign):
+    """x goes to -(1 + r) x + x**5, or - x**5: of the orbits that double at r = 0, r = x**4 holds exactly, or -x**4."""
+    image = f"-(1 + r)*x + {sign!r}*x**5"
+    if kind == "map":
+        system = Map(("x",), {"r": -0.2}, {"x": image})
+        rest = find_orbit(system, x0=[0.0])
+    else:
+        kick = Transition("f", "f", at_phase=0, reset={"x": image}, name="kick")
+        system = HybridSystem(("x",), {"r": -0.2}, {"f": Mode({"x": "0"})}, [kick], phase=("th", 1.0))
+        rest = find_orbit(system, x0=[0.01])
+    branch = continue_orbit(rest, "r", (-0.25, 0.3))
+    assert [point.type for point in branch.special_points] == ["PD"]
+    assert branch["PD1"].normal_form.criticality == "degenerate"
+    doubled = continue_orbit(switch_branch(branch["PD1"]), "r", (-0.25, 0.3))
+    moving = np.array([solution.extremes[1][0] for solution in doubled])
+    assert moving.max() > 0.7
+    np.testing.assert_allclose(doubled.values, sign * moving**4, atol=1e-9)

@@ -24,6 +24,7 @@ __all__ = [
     "responses",
     "solve_zero",
     "state_sizes",
+    "terms_of_rows",
     "why_none",
     "without_rounding",
 ]
@@ -78,11 +79,16 @@ def state_sizes(problem: AlgebraicProblem, u: NDArray[np.float64], J: NDArray[np
     return np.ones(n)
 
 
+def terms_of_rows(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest entry of each row of a matrix, shape (rows, 1); 1 for a row of zeros."""
+    terms = np.abs(matrix).max(axis=1, keepdims=True)
+    return np.where(terms > 0.0, terms, 1.0)
+
+
 def responses(A: NDArray[np.float64], B: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the shortest least-squares solution of A X = B, rows of one size and unknowns in units of `sizes`."""
     scaled = A * sizes
-    rows = np.abs(scaled).max(axis=1, keepdims=True)
-    rows = 1.0 / np.where(rows > 0.0, rows, 1.0)
+    rows = 1.0 / terms_of_rows(scaled)
     return np.asarray(sizes[:, None] * np.linalg.lstsq(scaled * rows, B * rows, rcond=1e-12)[0])
 
 

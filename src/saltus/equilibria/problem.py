@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus.errors import InputError
 from saltus.flow.starting import negative_root
-from saltus.scales import NEWTON_AT_ROUNDING
+from saltus.scales import NEWTON_AT_ROUNDING, TERMS_FAINT
 from saltus.system.integrals.laws import Leaf
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["EquilibriumProblem", "check_autonomous"]
+__all__ = ["EquilibriumProblem", "check_autonomous", "over_terms"]
 
 _ROUNDING = 1e-12  # residual, over the sizes of the field's terms, that is rounding
 _NEARBY = 0.1  # distance of a state nearby, in sizes of the states
@@ -202,18 +202,19 @@ class EquilibriumProblem:
         Where terms cancel, as at a saddle-node, those of a state nearby are taken as well.
         """
         F = np.abs(self.evaluate(u)[0])
-        found = _over(F, np.abs(J[:, : self.n]) @ sizes)
+        found = over_terms(F, np.abs(J[:, : self.n]) @ sizes)
         if found <= _ROUNDING:
             return found
         nearby = u.copy()
         nearby[: self.n] += _NEARBY * sizes
         A = np.maximum(np.abs(J[:, : self.n]), np.abs(self.evaluate(nearby)[1][:, : self.n]))
-        return min(found, _over(F, A @ sizes)) if np.isfinite(A).all() else found
+        return min(found, over_terms(F, A @ sizes)) if np.isfinite(A).all() else found
 
 
-def _over(F: NDArray[np.float64], terms: NDArray[np.float64]) -> float:
+def over_terms(F: NDArray[np.float64], terms: NDArray[np.float64]) -> float:
+    """Return the largest of the equations' moduli F over their terms; one without terms is rounding of the others."""
     top = float(terms.max())
-    return float((F / np.maximum(terms, 1e-12 * top)).max()) if top > 0.0 else float(F.max())
+    return float((F / np.maximum(terms, TERMS_FAINT * top)).max()) if top > 0.0 else float(F.max())
 
 
 def check_autonomous(system: HybridSystem) -> None:

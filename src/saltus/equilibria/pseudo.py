@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.equilibria.problem import EquilibriumProblem
+from saltus.equilibria.problem import EquilibriumProblem, over_terms
 from saltus.equilibria.sliding import sides_of
 from saltus.scales import EPS, MET
 
@@ -90,8 +90,7 @@ def residual_of(
     if sides_of(problem.system, problem.mode) is None:
         return problem.rounding(u, J, sizes)
     F, J = without_pole(problem, u, sizes)
-    terms = np.abs(J[:, : problem.n]) @ sizes
-    return float(np.max(np.abs(F) / np.where(terms > 0.0, terms, 1.0)))
+    return over_terms(np.abs(F), np.abs(J[:, : problem.n]) @ sizes)
 
 
 class WithoutPole(EquilibriumProblem):

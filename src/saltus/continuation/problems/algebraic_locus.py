@@ -71,6 +71,8 @@ class AlgebraicLocusProblem:
         Typical sizes of the states; they grow with the locus.
     bounds : tuple of (float, float)
         Intervals of the parameters, in their units.
+    u : ndarray, shape (n + 2,)
+        State and parameters at which the locus starts.
     """
 
     singular: frozenset[Monitor] = frozenset()
@@ -87,13 +89,18 @@ class AlgebraicLocusProblem:
         condition: Any,
         sizes: NDArray[np.float64],
         bounds: tuple[tuple[float, float], tuple[float, float]],
+        u: NDArray[np.float64],
     ) -> None:
         self.problem, self.kind, self.condition, self.n = problem, kind, condition, problem.n
         self.sizes, self._bounds = sizes.copy(), bounds
         self._origin: NDArray[np.float64] | None = None
         self.rows: NDArray[np.float64] | None = None
         self._units: dict[Monitor, float] = {}
-        self.others = self.other_values()
+        self.others, self.met = self.other_values(), self.met_at(u)
+
+    def met_at(self, u: NDArray[np.float64]) -> frozenset[int]:
+        """Return the transitions on whose surfaces a locus lies that starts there."""
+        return frozenset()
 
     def other_values(self) -> OtherValues:
         """Return the test functions of the values that are not critical."""

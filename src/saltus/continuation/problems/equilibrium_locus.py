@@ -43,12 +43,19 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
     noise: Mapping[Monitor, float] = MappingProxyType({_GH: 1e-9, _CP: 1e-10})
     vanishing = "the field does not vanish there"
     problem: EquilibriumProblem
-    # whether both fields are tangent to the surface all along a BE locus, as they are at its first point
-    _two_folds: bool | None = None
 
     def equations(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """See `AlgebraicLocusProblem.equations`."""
         return without_pole(self.problem, u, self.sizes) if self.kind == "BE" else self.problem.evaluate(u)
+
+    def met_at(self, u: NDArray[np.float64]) -> frozenset[int]:
+        """See `AlgebraicLocusProblem.met_at`: on BE loci, at two-folds those of both fields."""
+        if self.kind != "BE":
+            return frozenset()
+        sides = sides_of(self.problem.system, self.problem.mode)
+        if sides is None or beside_two_fold(self.problem, u, self.sizes) is None:
+            return frozenset({self.condition.place})
+        return frozenset({self.condition.place, sides.rise, sides.fall})
 
     def regular(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """See `AlgebraicLocusProblem.regular`: next to a two-fold."""
@@ -68,15 +75,9 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
 
     def borders(self, point: Point) -> dict[Monitor, float]:
         """See `AlgebraicLocusProblem.borders`."""
-        found = {}
-        met, u = {getattr(self.condition, "place", -1)}, self.unknowns(point.u)
-        if self.kind == "BE" and self._two_folds is None:
-            self._two_folds = beside_two_fold(self.problem, u, self.sizes) is not None
-        sides = sides_of(self.problem.system, self.problem.mode) if self._two_folds else None
-        if sides is not None:
-            met |= {sides.rise, sides.fall}
+        found, u = {}, self.unknowns(point.u)
         for k in self.problem.ways_out:
-            if k not in met:
+            if k not in self.met:
                 name = Monitor("BE", transition=k)
                 height, gradient = self.problem.event(k, u)
                 found[name] = height / self.unit(name, float(np.abs(gradient[: self.n]) @ self.sizes))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.algebraic.newton import responses, state_sizes
+from saltus.algebraic.newton import responses, state_sizes, terms_of_rows
 from saltus.scales import BESIDE_ZERO, RESPONSE_KNOWN, SINGULAR_AT_ROUNDING, SIZE_CHOSEN, STEEP
 
 if TYPE_CHECKING:
@@ -73,8 +73,7 @@ def _at_fold(
     The parabola reaches as far as one unit of the parameter does, where its residual is seen by the left null vector.
     """
     n = problem.n
-    rows = np.abs(J).max(axis=1, keepdims=True)
-    rows = np.where(rows > 0.0, rows, 1.0)
+    rows = terms_of_rows(J)
     left, values, right = np.linalg.svd(J[:, :n] / rows)
     drive = np.abs(left[:, -1] @ (J[:, n:] / rows))
     if values[-1] > SINGULAR_AT_ROUNDING or not drive.max(initial=0.0) > SINGULAR_AT_ROUNDING:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus.algebraic.conditions import solve_branch_point, solve_saddle_node
+from saltus.algebraic.newton import terms_of_rows
 from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.closing import closes
 from saltus.continuation.core.multiple import crossing_point
@@ -371,6 +372,5 @@ def _meet_at_once(branch: AlgebraicZeroProblem, point: Point) -> bool:
     if branch.n == 1:
         return False
     linear = branch.evaluate(point.u)[1][:, : branch.n] * branch.scale()[: branch.n]
-    terms = np.abs(linear).max(axis=1, keepdims=True)
-    values = np.linalg.svd(linear / np.where(terms > 0.0, terms, 1.0), compute_uv=False)
+    values = np.linalg.svd(linear / terms_of_rows(linear), compute_uv=False)
     return bool(values[-2] <= ILL_CONDITIONED * values[0])

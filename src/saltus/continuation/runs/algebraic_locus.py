@@ -67,7 +67,7 @@ class AlgebraicLocusRun(TwoParameterRun):
         known = None if self.start is None else self.start.scale
         sizes = extents(problem, u) if known is None else known
         condition, extra = critical_condition(self.solution, self.kind, problem, u, sizes)
-        self.branch = self.zero_problem(problem, self.kind, condition, sizes, self.bounds)
+        self.branch = self.zero_problem(problem, self.kind, condition, sizes, self.bounds, u)
         return np.concatenate([u[: problem.n], extra, u[-2:]])
 
     def moved(self, u: NDArray[np.float64], z: NDArray[np.float64]) -> float:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus import checks
+from saltus.algebraic.newton import terms_of_rows
 from saltus.continuation.core.zero_problem import start_point
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.options import Plane
@@ -119,8 +120,7 @@ class TwoParameterRun(Run):
 
     def judged(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the rows of the extended equations as they tell whether a start is regular: over their terms."""
-        terms = np.abs(matrix).max(axis=1, keepdims=True)
-        return np.asarray(matrix / np.where(terms > 0.0, terms, 1.0))
+        return np.asarray(matrix / terms_of_rows(matrix))
 
     def why_irregular(self) -> str:
         """Return why a start has no regular locus."""
