@@ -26,10 +26,12 @@ if TYPE_CHECKING:
 __all__ = [
     "grazed_with",
     "grazing_monitors",
+    "holds_at",
     "on_border",
     "passing",
     "places_touched",
     "run_out",
+    "same_phase",
     "side_of",
     "speed_at",
     "still_ahead",
@@ -101,6 +103,16 @@ def _at_fixed_phases(system: HybridSystem, k: int) -> bool:
     """Return whether an event function knows the phase alone, and no parameter."""
     transition = system.transitions[k]
     return at_phases(system, transition) and not set(system.parameters) & set(NAME.findall(transition.event))
+
+
+def same_phase(system: HybridSystem, k: int, other: int) -> bool:
+    """Return whether two events know the phase alone and are due at one phase, or at fixed ones: none follows at once.
+
+    A motion that has made the one goes on for a share of the period before it can make the other.
+    """
+    fixed = _at_fixed_phases(system, k) and _at_fixed_phases(system, other)
+    own, its = system.transitions[k], system.transitions[other]
+    return fixed or (at_phases(system, own) and own.event == its.event)
 
 
 def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> float:
@@ -228,6 +240,16 @@ def passing(problem: OrbitProblem, segment: int, transition: int) -> float:
     if not met or (end >= 0 and system.transitions[end].event == system.transitions[transition].event):
         met.append(1.0)
     return float(min(met, key=condition))
+
+
+def holds_at(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> bool:
+    """Return whether the condition of a transition holds in a full state, or is 0 there within its error."""
+    if problem.system.transitions[transition].when is None:
+        return True
+    guard, x = np.empty(1), np.ascontiguousarray(x)
+    at = len(problem.system.modes) + transition
+    problem.system.compiled.call("guard", at, 0, x, problem.extended, guard)
+    return bool(guard[0] > -TOUCHING * _condition_size(problem, transition, x))
 
 
 def _condition_size(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> float:
