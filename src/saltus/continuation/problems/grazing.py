@@ -17,14 +17,25 @@ from saltus.continuation.problems.margins import (
     grazed_with,
     passing,
     places_touched,
+    rebound_ceases,
     touched,
     touches_again,
     vanishing,
     vanishing_with,
     without_speed,
 )
-from saltus.continuation.problems.rerouting import ceases, leading, reroute, run_out_with
-from saltus.continuation.problems.rows import Found, Touch, closed, closes_round, gathered, inserted, joined, without
+from saltus.continuation.problems.signatures.rebounds import born_behind, rebound_without_speed
+from saltus.continuation.problems.signatures.rerouting import ceases, leading, reroute, run_out_with
+from saltus.continuation.problems.signatures.rows import (
+    Found,
+    Touch,
+    closed,
+    closes_round,
+    gathered,
+    inserted,
+    joined,
+    without,
+)
 from saltus.orbits.coincidences import Order, exchanged
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
@@ -75,9 +86,10 @@ def neighbour(
         Equations of the signature in which the orbit was found.
     monitor : Monitor
         The monitor function that vanishes: a ``margin`` (a segment touches a surface), a ``side`` (a whole segment lies
-        on a surface), a ``rate`` (a segment's event is met without velocity), a ``duration`` (a segment has no
-        length), a ``condition`` (that of the transition at a segment's end runs out), an ``ahead`` (another event
-        happens at a segment's end), a ``behind`` (at its start), or an ``unmet`` (another condition begins to hold).
+        on a surface), a ``rate`` (a segment's event is met without velocity), or a ``duration`` (a segment has no
+        length). Or a ``condition`` (that of the transition at a segment's end runs out), an ``ahead`` (another event
+        happens at a segment's end), a ``behind`` (at its start), or an ``unmet`` (another condition begins to hold). Or
+        a ``rebound`` (the event before a segment happens again at once).
     u : ndarray, shape (size + 1,)
         Unknowns of the orbit, and the parameter.
     others : sequence of Monitor, optional
@@ -102,6 +114,11 @@ def neighbour(
         found = _change_modes(problem, blocks, u, monitor.transition)
     elif monitor.kind == "duration" and _meets_another(problem, monitor.segment):
         found = joined(problem, blocks, u, monitor.segment)
+    elif monitor.kind == "duration" and rebound_ceases(problem, u, monitor.segment):
+        parts = list(zip(problem.signature.modes, problem.signature.transitions, blocks, strict=True))
+        found = gathered(parts[: monitor.segment] + parts[monitor.segment + 1 :], problem.signature.turns)
+    elif monitor.kind == "rebound":
+        found = born_behind(problem, blocks, sorted({monitor, *rebound_without_speed(problem, u)}))
     elif monitor.kind == "duration":
         found = _remove(problem, blocks, u, monitor.segment)
     elif monitor.kind in ("behind", "unmet"):

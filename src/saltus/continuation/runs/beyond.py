@@ -13,9 +13,10 @@ from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
 from saltus.continuation.problems.changes import passes_smoothly
+from saltus.continuation.problems.ends.accumulating import accumulating
 from saltus.continuation.problems.ends.unbounded import period_of
 from saltus.continuation.problems.grazing import Neighbour, exchanged_at
-from saltus.continuation.problems.margins import speed_at
+from saltus.continuation.problems.margins import rebound_ceases, speed_at
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.runs.two_sided import turned
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "accumulated",
     "beyond_changes",
     "exchanged_freely",
     "gone_on",
@@ -54,6 +56,14 @@ _TOUCHES = "the motion beyond it touches the surface without speed, so that the 
 # Survey of a point from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _NONE = np.empty(0)
 _INADMISSIBLE = Survey(1, False, *(_NONE,) * 8, np.empty(0, dtype=np.int64), _NONE, np.empty((0, 3)))
+
+
+def accumulated(branch: OrbitZeroProblem, event: Event) -> str | None:
+    """Return in words that hits accumulate at a change of signature, or None where a segment vanishes between two."""
+    point, name = event.point, event.name
+    if name.kind == "rebound" or (name.kind == "duration" and rebound_ceases(branch.problem, point.u, name.segment)):
+        return None
+    return accumulating(branch, point, name)
 
 
 def leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
@@ -319,6 +329,8 @@ def beyond_changes(problem: OrbitProblem, point: Point) -> bool:
     grazings = []
     for name, value in point.examined.monitors.items():
         if not at_grazing(name) or math.isnan(value):
+            continue
+        if name.kind == "rebound":  # a motion may leave to either side
             continue
         # an event in both directions has no admissible side
         event = {"side": name.transition, "rate": ends[name.segment]}.get(name.kind)

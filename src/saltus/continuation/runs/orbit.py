@@ -324,7 +324,7 @@ class OrbitRun(OneParameterRun):
             point.examined = beyond.as_before(point.examined, half.points[-1][1].examined.data)
             half.specials.append(self.found("BE", branch, event, half))
             return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
-        if (hits := accumulating(branch, point, event.name)) is not None:
+        if (hits := beyond.accumulated(branch, event)) is not None:
             point.examined = beyond.without_rounding(point.examined)
             return self.ends(half, branch, point, hits)
         way = beyond.leaving(branch, event)
@@ -333,8 +333,7 @@ class OrbitRun(OneParameterRun):
             again = seen_beyond(branch, point, self.equations, self._wide, ways=(1.0,), rounds=2)
             inexact = "the sum of the impacts that accumulate is no longer exact"
             return f"{self.place(point)}: {inexact}" if again is None else (*again, self._first_step)
-        beside = neighbours(branch.problem, way, point.u)
-        found = beside[0]
+        found = (beside := neighbours(branch.problem, way, point.u))[0]
         name = type_of_change(branch.problem, way, point.u, found)
         # an excursion's duration and the rate at its end vanish at once there: either may have been located
         vanishes = way.kind == "duration" if name == "AS" else way.kind == "rate" and isinstance(found, str)

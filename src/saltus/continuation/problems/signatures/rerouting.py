@@ -8,7 +8,7 @@ import numpy as np
 
 from saltus.continuation.problems.ends.excursions import moved
 from saltus.continuation.problems.margins import holds_at, run_out, same_phase
-from saltus.continuation.problems.rows import Found, Rows, gathered
+from saltus.continuation.problems.signatures.rows import Found, Rows, gathered
 from saltus.orbits.cuts import whole
 from saltus.orbits.records import changes_nothing
 from saltus.scales import CONDITIONS_ALIKE
