@@ -318,8 +318,8 @@ class DivergenceError(_MotionError):
         super().__init__(time, state, mode, reason)
 
     def __str__(self) -> str:
-        time, state, mode, reason = self.args
-        return _ended(f"the trajectory diverges at t = {time:.12g} in mode {mode!r}, state ", state, reason)
+        what = "motion ends" if (reason := self.args[3]).startswith("it comes to ") else "trajectory diverges"
+        return _ended(f"the {what} at t = {self.time:.12g} in mode {self.mode!r}, state ", self.state, reason)
 
 
 class MapDivergenceError(DivergenceError):

@@ -11,7 +11,8 @@ from scipy.optimize import brentq
 
 import systems
 from oracles.closed_forms import ImpactOrbit, TableJump, two_fields_orbit
-from saltus import HybridSystem, Mode, Transition, solve_orbit
+from saltus import HybridSystem, Mode, Transition, continue_orbit, solve_orbit
+from saltus.errors import InputError
 
 FLOW = 1e-10
 """Error allowed to states and durations of size one: tens of steps at a tolerance of 1e-12, with growth."""
@@ -279,3 +280,20 @@ def test_brentq_agrees_with_the_slip_time():
     x0, v0 = 1.0 - 0.5, 0.3
     slip = brentq(lambda t: -x0 * math.sin(t) + v0 * math.cos(t) - v0, 3.0, 6.0, xtol=1e-14)
     assert slip == pytest.approx(4.222431654131, abs=1e-12)
+
+
+@pytest.mark.parametrize("further", [False, True], ids=["one mode", "two modes"])
+def test_a_cycle_without_events_of_a_system_with_events_needs_no_segments(further):
+    field = {"x": "v", "v": "m*(1 - x**2)*v - x"}
+    smooth = solve_orbit(HybridSystem.smooth(field, {"m": 1.0}), x0=[2.0, 0.0], period=6.6)
+    modes = {"a": Mode(field)} | ({"b": Mode({"x": "v", "v": "-x"})} if further else {})
+    stop = Transition("a", "b", "x - d", 1) if further else Transition("a", "a", "x - d", 1, {"v": "-v"})
+    transitions = [stop, *([Transition("b", "a", "x - d", -1)] if further else [])]
+    system = HybridSystem(("x", "v"), {"m": 1.0, "d": 5.0}, modes, transitions)
+    orbit = solve_orbit(system, x0=[2.0, 0.0], period=6.6)
+    assert orbit.period == pytest.approx(smooth.period, rel=1e-11)
+    assert orbit.signature == (("a", ""),)
+    branch = continue_orbit(orbit, "m", (0.5, 2.0))
+    assert all("bound reached" in reason for reason in branch.stopped)
+    with pytest.raises(InputError, match="that meets no event in a period; .* meets a_to_"):
+        solve_orbit(system, {"d": 1.5}, x0=[0.5, 0.0], period=6.6)

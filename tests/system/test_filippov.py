@@ -82,7 +82,7 @@ def test_a_place_where_surfaces_meet_without_one_way_on_is_told():
     rates = {"+": "-1", "-": "1"}
     fields = {a + b: {"x": rates[a], "y": rates[b], "z": "1" if a == b else "0"} for a in "+-" for b in "+-"}
     system = saltus.filippov(("x", "y", "z"), {}, surfaces=("x", "y"), fields=fields)
-    with pytest.raises(saltus.SaltusError, match="no single way on"):
+    with pytest.raises(saltus.SaltusError, match=r"in mode '0\+', .* no single way on$"):
         saltus.simulate(system, {}, [0.2, 0.5, 0.0], t_end=2.0)
 
 
@@ -178,10 +178,28 @@ def test_a_region_without_a_field_is_entered_by_no_motion():
     system = saltus.filippov(
         ("x", "y"), {}, surfaces=("x", "y"), fields={"++": {"x": "-1", "y": "-1"}, "-+": {"x": "1", "y": "-1"}}
     )
-    with pytest.raises(DivergenceError, match="in mode 'no field there', .* no motion goes on in this mode"):
+    with pytest.raises(
+        DivergenceError, match="motion ends at t = 1\\.0+1? in mode '\\+\\+', .* a region without a field"
+    ):
         saltus.simulate(system, {}, [2.0, 1.0], t_end=1.5)
     with pytest.raises(InputError, match="before its events"):
         saltus.simulate(system, {}, [1.0, -1.0], t_end=1.5)
+    for name in ("no field there", "elsewhere"):  # an end is no mode
+        with pytest.raises(InputError, match=r"must be one of \+\+, -\+, 0\+$"):
+            saltus.simulate(system, {}, [2.0, 1.0], t_end=0.5, mode=name)
+    assert "mode no" not in str(system)
+    assert "end, no field there: ++ when y falls through 0" in str(system)
+
+
+def test_crossings_that_accumulate_at_a_two_fold_are_told_as_one():
+    above, below = {"x": "-y", "y": "1", "z": "p"}, {"x": "z", "y": "m", "z": "1"}
+    system = saltus.filippov(("x", "y", "z"), {"p": -1.5, "m": -1.2}, surface="x", above=above, below=below)
+    rng = np.random.default_rng(1)
+    starts = rng.normal(size=(14, 3)) * 0.5
+    for start in starts[[0, 7]]:  # one slides to the two-fold, of the other the crossings accumulate there
+        with pytest.raises(DivergenceError, match="comes to a two-fold, where motions leave the surface x = 0") as told:
+            saltus.simulate(system, {}, start, t_end=20.0)
+        assert told.value.state == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
 
 
 def test_a_pull_away_from_the_surface_is_refused():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from saltus.errors import InputError
 from saltus.explorer import look, widgets
 from saltus.explorer.kinds import kind_of
+from saltus.system.parts import ENDS
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Session
@@ -50,7 +51,10 @@ class ParameterView:
         if len(session.settings.x0) > len(names) and system.phase is not None:
             names.append(system.phase[0])
         self._starts = [self._start(name, value) for name, value in zip(names, session.settings.x0, strict=False)]
-        modes = {"the first that the state allows": "", **{name: name for name in system.mode_names}}
+        modes = {
+            "the first that the state allows": "",
+            **{name: name for name in system.mode_names if name not in ENDS},
+        }
         self._mode = widgets.choice("mode", modes, session.settings.mode or "", _WIDTH)
         self._mode.visible = len(system.mode_names) > 1 and kind_of(system).chosen_modes
         widgets.on_change(self._mode, lambda _: self._take())

@@ -16,7 +16,7 @@ from saltus.flow.sticking import sticking_surface
 from saltus.flow.stiffness import fastest_in_words, may_be_implicit, worth
 from saltus.flow.transition_rows import clocks, ends_of, opposites
 from saltus.system.filippov import lines_of
-from saltus.system.parts import NOWHERE, at_phases
+from saltus.system.parts import ENDS, TWO_FOLD, at_phases
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -367,24 +367,24 @@ class EventDrivenMotion:
         """Return the error that a status of the kernel other than DONE stands for."""
         kernels, t, mode = self.kernels, self.time, self.system.mode_names[self.mode]
         if status == kernels.CHATTERING:
-            return ChatteringError(t, self.x, mode, self.system.transitions[self.counts[kernels.FIRED]].name)
+            last = self.system.transitions[self.counts[kernels.FIRED]]
+            slides = any(known.surface == last.event for known in self.system.modes.values())
+            two_fold = DivergenceError(t, self.x, mode, TWO_FOLD.format(last.event))
+            return two_fold if slides else ChatteringError(t, self.x, mode, last.name)
         if status == kernels.STEP_UNDERFLOW and (surface := self._sticks_on()) is not None:
             return self._sticking(surface)
         if status == kernels.EVENT_NOT_FINITE:
             return DivergenceError(t, self.x, mode, self._infinite_event() or "an event function is not finite")
         step, left = self.numbers[kernels.STEP], self.system.modes[mode]
-        if status == kernels.LEFT_DOMAIN and left.surface is not None:
-            where = f"where motions leave the surface {left.surface} = 0 to either side: there is no single way on"
-            return DivergenceError(t, self.x, mode, f"it comes to a two-fold, {where}")
+        if status == kernels.LEFT_DOMAIN and mode in ENDS:
+            return DivergenceError(t, self.x, self.system.transitions[self.counts[kernels.FIRED]].source, ENDS[mode])
         if status == kernels.NEGATIVE_ROOT:
             return DivergenceError(t, self.x, mode, told_root(self.system, self.mode, self.x, self.p))
-        nowhere = "no motion goes on in this mode"
+        left_it = f"it leaves the domain of the mode, {left.domain} > 0"
         reason = {
             kernels.UNBOUNDED: f"a state passes {self.limit:.3g}",
             kernels.STEP_UNDERFLOW: f"the step falls to {step:.3g}, as it does before a singularity",
-            kernels.LEFT_DOMAIN: nowhere
-            if left.domain == NOWHERE
-            else f"it leaves the domain of the mode, {left.domain} > 0",
+            kernels.LEFT_DOMAIN: left_it if left.surface is None else TWO_FOLD.format(left.surface),
             kernels.FIELD_NOT_FINITE: "the vector field is not finite",
             kernels.RESET_NOT_FINITE: "a reset is not finite",
         }[status]

@@ -14,7 +14,7 @@ from saltus.scales import EPS
 from saltus.system.evaluate import evaluate
 from saltus.system.expressions import parse
 from saltus.system.own_states import absent_states
-from saltus.system.parts import at_phases
+from saltus.system.parts import ENDS, at_phases
 from saltus.system.writing.printer import is_broken
 
 if TYPE_CHECKING:
@@ -54,6 +54,8 @@ def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.fl
     """
     if mode is not None:
         index = system.mode_index(mode)
+        if mode in ENDS:
+            raise InputError("mode", mode, f"one of {', '.join(name for name in system.modes if name not in ENDS)}")
         _check_own(system, mode, x, p)
         if not (value := domain_value(system, index, x, p)) > 0.0:
             allowed = f"in the domain of mode {mode!r}, {system.modes[mode].domain} > 0"

@@ -10,6 +10,9 @@ import numpy as np
 from saltus import checks
 from saltus.checks.states import leaves_out_phase
 from saltus.errors import InputError, nearest
+from saltus.flow.event_logs import events_after
+from saltus.flow.motion import start_state
+from saltus.flow.starting import starting_mode
 from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
 
 if TYPE_CHECKING:
@@ -30,7 +33,7 @@ def read_guess(
     Raises
     ------
     InputError
-        Both are given, or neither; the segments do not fit the system; a smooth orbit is wanted of several modes.
+        Both are given, or neither; the segments do not fit the system; the motion from `x0` meets an event.
     """
     if segments is not None:
         for name, value in (("x0", x0), ("period", period)):
@@ -40,11 +43,6 @@ def read_guess(
     if x0 is None and period is None:
         wanted = "segments=[(mode, transition, x0, duration), ...], or x0=... and period=... of a smooth orbit"
         raise InputError("guess", None, wanted)
-    if len(system.modes) > 1 or system.transitions:
-        what = ", ".join(system.transition_names) or ", ".join(system.mode_names)
-        raise InputError(
-            "x0", x0, "left out of a system with events", f"pass segments=, which name modes and events ({what})"
-        )
     if x0 is None:
         raise InputError("x0", x0, "an initial state beside period=")
     if period is None:
@@ -52,10 +50,24 @@ def read_guess(
             raise InputError(
                 "period", period, "a duration beside x0=", "a system without a phase has no period of its own"
             )
-        rate = float(system.compiled.field(0, system.full_state(x0, "x0"), p)[-1])
-        period = system.turn / rate
+        period = system.turn / float(system.compiled.field(0, system.full_state(x0, "x0"), p)[-1])
+    x, period = system.full_state(x0, "x0"), checks.positive("period", period)
     mode = system.mode_names[0]
-    return _read_segments(system, p, [(mode, None, system.full_state(x0, "x0"), checks.positive("period", period))])
+    if len(system.modes) > 1 or system.transitions:
+        mode = _without_events(system, p, x, period)
+    return _read_segments(system, p, [(mode, None, x, period)])
+
+
+def _without_events(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], period: float) -> str:
+    """Return the mode in which a motion from a guess stays for a period; raise `InputError` where it meets an event."""
+    x = start_state(system, x)
+    mode = starting_mode(system, x, p)
+    log = events_after(system, p, x, mode, t_end=period)
+    met = [system.transition_names[k] for k in dict.fromkeys(log.transition[log.transition >= 0].tolist())]
+    if met:
+        hint = f"pass segments=, which name modes and events: the motion from it meets {', '.join(met)}"
+        raise InputError("x0", x.tolist(), "a start of a motion that meets no event in a period", hint)
+    return system.mode_names[mode]
 
 
 def _read_segments(

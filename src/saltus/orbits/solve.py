@@ -84,7 +84,7 @@ def solve_orbit(
 ) -> PeriodicOrbit | MapOrbit:
     """Return the periodic orbit of a system, or the orbit of a map, near a guess, stable or not.
 
-    The guess is either `segments`, or `x0` and `period` of an orbit of a system with one mode and no transitions.
+    The guess is either `segments`, or `x0` and `period` of an orbit that meets no event.
     That of a map is `x0` and `period`, or the orbit's itinerary, or both.
 
     Parameters
@@ -123,8 +123,8 @@ def solve_orbit(
     Raises
     ------
     InputError
-        The guess does not fit the system; a name that is not there; more than one quantity to fix; an itinerary names
-        no piece of the map.
+        The guess does not fit the system, or meets an event; a name that is not there; more than one quantity to fix;
+        an itinerary names no piece of the map.
     ConvergenceError
         Newton's method finds no orbit near the guess; no orbit has the value of the fixed quantity; the quantity tells
         no orbits apart.

@@ -16,6 +16,7 @@ from saltus.system.expressions import Names, check_name, text_of
 from saltus.system.grammar import chosen_among, clipped
 from saltus.system.own_states import completed_mode, completed_transition
 from saltus.system.parts import (
+    ENDS,
     Mode,
     Transition,
     clean_bounds,
@@ -364,7 +365,8 @@ class Definition:
         InputError
             There is no mode of that name.
         """
-        return self.mode_names.index(checks.chosen(self.part, mode, self.modes))
+        known = self.modes if mode in self.modes else [name for name in self.modes if name not in ENDS]
+        return self.mode_names.index(checks.chosen(self.part, mode, known))
 
     def _clean_outputs(self, outputs: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, str]]:
         clean: dict[str, dict[str, str]] = {}
@@ -427,12 +429,13 @@ class Definition:
         if self.angles:
             lines.append(f"  angles      {', '.join(self.angles)}, modulo 2 pi")
         lines.append(f"  parameters  {', '.join(f'{key} = {value!r}' for key, value in self.parameters.items())}")
-        for key, mode in self.modes.items():
+        for key, mode in ((key, mode) for key, mode in self.modes.items() if key not in ENDS):
             where = f", where {mode.domain} > 0" if mode.domain is not None else ""
             where += f", on {mode.surface} = 0" if mode.surface is not None else ""
             lines.append(f"  mode {key}{where}")
             lines += [f"    {name}' = {mode.field[name]}" for name in mode.states or mode.field]
-        lines += [f"  transition {t.name}: {t._sentence()}" for t in self.transitions]
+        lines += [f"  transition {t.name}: {t._sentence()}" for t in self.transitions if t.target not in ENDS]
+        lines += [f"  end, {t.target}: {t._sentence()}" for t in self.transitions if t.target in ENDS]
         for key, by_mode in self.outputs.items():
             texts = set(by_mode.values())
             shown = texts.pop() if len(texts) == 1 else "; ".join(f"{text} in {m}" for m, text in by_mode.items())

@@ -14,6 +14,8 @@ from saltus.system.expressions import Names, parse, text_of
 from saltus.system.hybrid import HybridSystem
 from saltus.system.intersections import ABOVE, BELOW, ON, fields_at_intersections, rates_at, short, with_sign
 from saltus.system.parts import (
+    NO_FIELD,
+    NO_WAY,
     NOWHERE,
     Mode,
     Transition,
@@ -32,8 +34,6 @@ if TYPE_CHECKING:
 __all__ = ["filippov", "lines_of"]
 
 _NAMES = {ABOVE: "above", BELOW: "below", ON: "sliding"}  # modes where there is one surface
-_NO_WAY = "no single way on"  # mode in which a motion ends where surfaces meet
-_NO_FIELD = "no field there"  # mode in which a motion ends that comes into a region without a field
 _SWITCHED = 1e300  # makes a positive number of doubles 1 or more, of which the lesser is a factor 1
 _MOST = 4  # surfaces: there are 2**4 fields then
 
@@ -333,7 +333,7 @@ class _Parts:
             (word, target, event, way, Min(value, *(-least[other] for other in ways if other != target)))
             for target, value in least.items()
         ]
-        return [*made, (word, _NO_WAY, event, way, sympy.S.One)]
+        return [*made, (word, NO_WAY, event, way, sympy.S.One)]
 
     def _held(self, word: str) -> list[sympy.Expr]:
         """Return what is positive where a motion slides along all surfaces of an intersection."""
@@ -359,7 +359,7 @@ class _Parts:
         if (beyond := _flipped(word, j)) in self.stuck:
             off = -side * self.reader.along(event, self.stuck[beyond])
             yield word, beyond, event, -side, Min(off, *self._held(beyond))
-        yield word, _NO_WAY, event, -side, sympy.S.One
+        yield word, NO_WAY, event, -side, sympy.S.One
 
     def name(self, word: str) -> str:
         return _NAMES.get(word, word)
@@ -372,7 +372,7 @@ class _Parts:
             surface = None if not on else on[0] if len(on) == 1 else sum(abs(h) for h in on)
             domain = self._domain(word) if ON in word else None
             made[self.name(word)] = Mode(dict(zip(self.reader.states, field, strict=True)), domain, surface)
-        for name in {_NO_WAY, _NO_FIELD} & {target for _, target, *_ in self._made}:
+        for name in {NO_WAY, NO_FIELD} & {target for _, target, *_ in self._made}:
             made[name] = Mode(dict.fromkeys(self.reader.states, "0"), NOWHERE)
         return made
 
@@ -429,7 +429,7 @@ class _Parts:
             for i, sign in enumerate(word):
                 h, way = self.heights[i], -1 if sign == ABOVE else 1
                 if (other := _flipped(word, i)) not in self.known:
-                    yield word, _NO_FIELD, h, way, sympy.S.One
+                    yield word, NO_FIELD, h, way, sympy.S.One
                     continue
                 beyond = -way * self.reader.along(h, self.known[other])
                 if (slides := with_sign(word, i, ON)) in self.sliding:

@@ -18,7 +18,11 @@ from saltus.system.mechanics import Held, lagrangian_field, mass_matrix_field
 from saltus.system.once import once
 
 __all__ = [
+    "ENDS",
     "NOWHERE",
+    "NO_FIELD",
+    "NO_WAY",
+    "TWO_FOLD",
     "Mode",
     "Transition",
     "at_phases",
@@ -41,6 +45,15 @@ _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
 NOWHERE = "-1"  # domain of a mode in which no motion goes on
+NO_WAY = "no single way on"  # mode in which a motion ends where surfaces meet
+NO_FIELD = "no field there"  # mode in which a motion ends that comes into a region without a field
+# What a motion does that ends where both fields are tangent to the surface.
+TWO_FOLD = "it comes to a two-fold, where motions leave the surface {} = 0 to either side: there is no single way on"
+# What a motion does that ends in one of these, in words: for users they are ends, and no modes.
+ENDS = {
+    NO_WAY: "it comes to where surfaces meet, and motions leave in several ways: there is no single way on",
+    NO_FIELD: "it comes to a region without a field",
+}
 _NOT_NEGATIVE = re.compile(r"Min\((?:1e\+300, (.*)|(.*), 1e\+300)\) \+ 1e-300")  # as `not_negative` writes it
 _DIRECTIONS = {-1: "falls", 0: "passes", 1: "rises"}
 
@@ -252,7 +265,7 @@ class Transition:
         passes = _DIRECTIONS.get(self.direction) if isinstance(self.direction, int) else None
         passes = passes or f"passes, in direction {self.direction!r},"
         happens = f"when {self.event} {passes} through 0" if self.at_phase is None else f"at phase {self.at_phase}"
-        text = f"{self.source} -> {self.target} {happens}"
+        text = f"{self.source} {happens}" if self.target in ENDS else f"{self.source} -> {self.target} {happens}"
         if self.when is not None:
             closed = _NOT_NEGATIVE.fullmatch(str(self.when))
             text += f" and {closed[1] or closed[2]} >= 0" if closed else f" and {self.when} > 0"

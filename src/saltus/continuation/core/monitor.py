@@ -11,7 +11,7 @@ __all__ = ["BIFURCATIONS", "Monitor", "at_grazing", "bifurcates"]
 BIFURCATIONS = on_branches("orbit")  # types of special points at which smooth branches of orbits bifurcate
 
 # kinds that vanish at grazings and border collisions, where the signature of an orbit changes
-_CHANGES = ("margin", "side", "duration", "rate", "condition", "ahead", "behind", "unmet")
+_CHANGES = ("margin", "side", "duration", "rate", "condition", "ahead", "behind", "unmet", "rebound")
 
 
 class Monitor(NamedTuple):
@@ -28,7 +28,7 @@ class Monitor(NamedTuple):
     # segment that is equally far throughout). Also ``duration`` (of a segment), ``rate`` (velocity at the event that
     # ends a segment) and ``condition`` (of the transition that ends a segment, at its end). Of other events of a mode
     # ``ahead`` (distance of a segment's end from the surface), ``behind`` (of its start) and ``unmet`` (condition where
-    # a segment meets the surface).
+    # a segment meets the surface). ``rebound`` is the rate at a segment's start on the surface of the event before it.
     kind: str
     # index of the segment; for a bound or TP of the parameter, for TR of the multiplier, for a user's event (EX among
     # them) of the event; -1 for none

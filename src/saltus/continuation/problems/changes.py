@@ -8,7 +8,7 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.problems.grazing import Neighbour, neighbour
-from saltus.continuation.problems.margins import speed_at, vanishing, vanishing_with
+from saltus.continuation.problems.margins import rebound_ceases, speed_at, vanishing, vanishing_with
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.stability.floquet import multipliers
@@ -47,6 +47,8 @@ def type_of_change(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float6
     system = problem.system
     touches = monitor.kind in ("margin", "rate", "side")
     around = _born(problem, monitor, u, found)
+    if monitor.kind == "duration" and rebound_ceases(problem, u, monitor.segment):
+        return "BC"
     if around is None:
         return "GR" if touches else "BC"
     born, before, after = (system.modes[system.mode_names[mode]].surface is not None for mode in around)
@@ -160,7 +162,7 @@ def _born(
         mode = problem.signature.modes[monitor.segment]
         return problem.system.mode_index(target), mode, mode
     n, size = problem.n, problem.size
-    if monitor.kind in ("condition", "ahead", "behind", "unmet"):
+    if monitor.kind in ("condition", "ahead", "behind", "unmet", "rebound"):
         if isinstance(found, str) or len(found.signature) <= len(problem.signature):
             return None
         modes = found.signature.modes

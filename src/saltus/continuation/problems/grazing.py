@@ -17,14 +17,25 @@ from saltus.continuation.problems.margins import (
     grazed_with,
     passing,
     places_touched,
-    run_out,
+    rebound_ceases,
     touched,
     touches_again,
     vanishing,
     vanishing_with,
     without_speed,
 )
-from saltus.continuation.problems.rows import Found, Rows, Touch, closed, closes_round, gathered, inserted, joined
+from saltus.continuation.problems.signatures.rebounds import born_behind, rebound_without_speed
+from saltus.continuation.problems.signatures.rerouting import ceases, leading, reroute, run_out_with
+from saltus.continuation.problems.signatures.rows import (
+    Found,
+    Touch,
+    closed,
+    closes_round,
+    gathered,
+    inserted,
+    joined,
+    without,
+)
 from saltus.orbits.coincidences import Order, exchanged
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
@@ -51,6 +62,7 @@ __all__ = [
 _TURNED = "the event met without velocity changes the mode, but the motion turns back at once"
 
 # Why there is none where a segment's end has no length, and the motion moves on by what its events do.
+_MAP_JUMPS = "the map jumps there"  # where the motions on both sides part at a transition
 _JUMPS = "the events that happen at once move the state: no neighbouring signature is continuous"
 
 
@@ -74,9 +86,10 @@ def neighbour(
         Equations of the signature in which the orbit was found.
     monitor : Monitor
         The monitor function that vanishes: a ``margin`` (a segment touches a surface), a ``side`` (a whole segment lies
-        on a surface), a ``rate`` (a segment's event is met without velocity), a ``duration`` (a segment has no
-        length), a ``condition`` (that of the transition at a segment's end runs out), an ``ahead`` (another event
-        happens at a segment's end), a ``behind`` (at its start), or an ``unmet`` (another condition begins to hold).
+        on a surface), a ``rate`` (a segment's event is met without velocity), or a ``duration`` (a segment has no
+        length). Or a ``condition`` (that of the transition at a segment's end runs out), an ``ahead`` (another event
+        happens at a segment's end), a ``behind`` (at its start), or an ``unmet`` (another condition begins to hold). Or
+        a ``rebound`` (the event before a segment happens again at once).
     u : ndarray, shape (size + 1,)
         Unknowns of the orbit, and the parameter.
     others : sequence of Monitor, optional
@@ -101,19 +114,24 @@ def neighbour(
         found = _change_modes(problem, blocks, u, monitor.transition)
     elif monitor.kind == "duration" and _meets_another(problem, monitor.segment):
         found = joined(problem, blocks, u, monitor.segment)
+    elif monitor.kind == "duration" and rebound_ceases(problem, u, monitor.segment):
+        parts = list(zip(problem.signature.modes, problem.signature.transitions, blocks, strict=True))
+        found = gathered(parts[: monitor.segment] + parts[monitor.segment + 1 :], problem.signature.turns)
+    elif monitor.kind == "rebound":
+        found = born_behind(problem, blocks, sorted({monitor, *rebound_without_speed(problem, u)}))
     elif monitor.kind == "duration":
         found = _remove(problem, blocks, u, monitor.segment)
     elif monitor.kind in ("behind", "unmet"):
-        found = _begin(problem, blocks, u, monitor)
-    elif monitor.kind == "condition" and _passes(problem, monitor.segment):
-        found = joined(problem, blocks, u, monitor.segment)
+        found = _begin(problem, blocks, u, (monitor, *others))
+    elif monitor.kind == "condition" and ceases(problem, u, monitor.segment):
+        found = without(problem, blocks, u, [monitor.segment, *(name.segment for name in others)])
     elif monitor.kind in ("condition", "ahead"):
-        found = _reroute(problem, blocks, u, monitor)
+        found = reroute(problem, blocks, u, monitor)
     else:
         problem.survey(u)
         found = _merge(problem, blocks, u, monitor.segment)
     if isinstance(found, str):
-        return found
+        return f"{_MAP_JUMPS}: {found}" if monitor.kind in ("condition", "ahead", "behind", "unmet") else found
     signature, rows = found
     fresh = OrbitProblem(problem.system, signature, problem.parameters_at(u), tol=problem.tol)
     signature, turned = settle_signature(fresh, rows.ravel())
@@ -133,7 +151,7 @@ def neighbours(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) 
     In the first one all of them change: what is touched is met, and what is met without speed is missed. So each
     signature has one partner, and symmetries are kept. Then each changes alone.
     """
-    others = grazed_with(problem, monitor, u)
+    others = grazed_with(problem, monitor, u) or run_out_with(problem, monitor, u)
     several = bool(others) or touches_again(problem, monitor, u)
     together = [_changed(problem, [monitor, *others], u)] if several else []
     return together + [neighbour(problem, name, u) for name in (monitor, *others)]
@@ -143,6 +161,8 @@ def _changed(problem: OrbitProblem, names: list[Monitor], u: NDArray[np.float64]
     """Return an orbit in the signature in which all its grazings have changed; names: see `grazed_with`."""
     problem, u = whole(problem, u)
     slow = [name for name in names if name.kind == "rate"]
+    if names[0].kind in ("condition", "unmet"):
+        return neighbour(problem, names[0], u, names[1:])
     if not slow or len(slow) == len(names):
         return neighbour(problem, names[0], u, names[1:], everywhere=True)
     ends, transitions = problem.signature.transitions, problem.system.transitions
@@ -194,16 +214,21 @@ def turned(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> b
     return monitor.kind == "rate" and neighbour(problem, monitor, u) == _TURNED
 
 
-def _begin(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], name: Monitor) -> Found | str:
-    """Let an event happen at a segment's start or end, or where the segment passes the event's surface."""
+def _begin(
+    problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], names: Sequence[Monitor]
+) -> Found | str:
+    """Let events happen at segments' starts or ends, or where segments pass the events' surfaces."""
     problem.survey(u)
-    event = problem.system.transitions[name.transition]
-    place = 0.0 if name.kind == "behind" else passing(problem, name.segment, name.transition)
-    if place == 1.0:
-        return _reroute(problem, blocks, u, name)
-    if event.target != event.source:
-        return f"{event.name!r} begins to happen, and the motion goes on in {event.target!r} from there"
-    return inserted(problem, blocks, u, [Touch(name.segment, place, name.transition)])
+    touches = []
+    for name in names:
+        event = problem.system.transitions[name.transition]
+        place = 0.0 if name.kind == "behind" else passing(problem, name.segment, name.transition)
+        if place == 1.0:
+            return reroute(problem, blocks, u, name)
+        if event.target != event.source:
+            return f"{event.name!r} begins to happen, and the motion goes on in {event.target!r} from there"
+        touches.append(Touch(name.segment, place, name.transition))
+    return inserted(problem, blocks, u, touches)
 
 
 def _change_modes(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], k: int) -> Found | str:
@@ -353,85 +378,13 @@ def _skip(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Found |
     met = np.ascontiguousarray(blocks[i, :n])
     if problem.system.transitions[old.transitions[previous]].reset:
         return f"the transition into {names[old.modes[i]]!r} moves the state"
-    past = _leading(problem, source, target, met, blocks[following, :n])
+    past = leading(problem, source, target, met, blocks[following, :n])
     if not past:
         return f"no transition leads from {names[source]!r} to {names[target]!r} there"
     rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
     rows[previous] = (source, past[0], blocks[previous])
     del rows[i]
     return gathered(rows, old.turns)
-
-
-def _reroute(
-    problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], monitor: Monitor
-) -> Found | str:
-    """Let the segment of a monitor function, and those like it, end with another transition at the same place.
-
-    Where both halves of a symmetric orbit change, they change at once.
-    """
-    old = problem.signature
-    rows: Rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(len(old))]
-    alike = [name for name in run_out(problem, u, problem.survey(u)) if name.kind == monitor.kind]
-    for name in sorted({monitor, *alike}, key=lambda name: -name.segment):
-        found = _rerouted(problem, blocks, name.segment, name.transition)
-        if isinstance(found, str):
-            return found
-        rows[name.segment : name.segment + 1] = found
-    return gathered(rows, old.turns)
-
-
-def _rerouted(problem: OrbitProblem, blocks: NDArray[np.float64], i: int, instead: int) -> Rows | str:
-    """Return segment `i` with another transition at its end: `instead`, or any other where that is -1.
-
-    Where this leads to another mode, a segment without length follows, from which the motion goes on as before.
-    """
-    old, n, names = problem.signature, problem.n, problem.system.mode_names
-    own, following = old.transitions[i], (i + 1) % len(old)
-    met, wanted = problem.state_on(i, 1.0), blocks[following, :n]
-    for mode in range(len(names)):
-        for other in _leading(problem, old.modes[i], mode, met, None, besides=own):
-            if instead not in (-1, other):
-                continue
-            landed, here = np.empty(n), (old.modes[i], other, blocks[i])
-            problem.system.compiled.call("reset", other, 0, met, problem.extended, landed)
-            if mode == old.modes[following]:
-                if _same_state(problem, landed, wanted):
-                    return [here]
-                continue
-            for back in _leading(problem, mode, old.modes[following], landed, wanted):
-                return [here, (mode, back, np.append(landed, 0.0))]
-    if instead >= 0:
-        return f"no transition leads on behind {problem.system.transitions[instead].name!r}, which happens first"
-    return f"the condition of {problem.system.transitions[own].name!r} runs out, and no other transition happens there"
-
-
-def _same_state(problem: OrbitProblem, x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
-    """Return whether two full states are equal; their phases may differ by whole turns."""
-    count = len(problem.system.states)
-    return bool(np.max(np.abs(x - y)[:count] / problem.state_scale[:count]) < CONDITIONS_ALIKE)
-
-
-def _leading(
-    problem: OrbitProblem, source: int, target: int, x: NDArray[np.float64], to: NDArray[np.float64] | None,
-    besides: int = -1,
-) -> list[int]:  # fmt: skip
-    """Return the transitions between two modes that happen at the state x, and whose resets lead `to` a state."""
-    found, system, names = [], problem.system, problem.system.mode_names
-    x = np.ascontiguousarray(x)
-    for k, transition in enumerate(system.transitions):
-        if (transition.source, transition.target) == (names[source], names[target]) and k != besides:
-            after = np.empty(problem.n)
-            system.compiled.call("reset", k, 0, x, problem.extended, after)
-            if _meets(problem, k, x) and (to is None or _same_state(problem, after, to)):
-                found.append(k)
-    return found
-
-
-def _meets(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> bool:
-    """Return whether a full state lies on the surface of a transition."""
-    out = np.empty(2 + 2 * problem.n)
-    problem.system.compiled.call("event_x", transition, 0, x, problem.extended, out)
-    return bool(abs(out[0]) < CONDITIONS_ALIKE * float(np.abs(out[2 : 2 + problem.n]) @ problem.state_scale))
 
 
 def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> Found | str:

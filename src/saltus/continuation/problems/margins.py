@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.problems.signatures.rebounds import rebound, rebounds
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import DIRECTION, DURATION, EARLY, EVENT_END, MEAN_END, WHEN, WHOLE, Signature, Survey
@@ -26,10 +27,13 @@ if TYPE_CHECKING:
 __all__ = [
     "grazed_with",
     "grazing_monitors",
+    "holds_at",
     "on_border",
     "passing",
     "places_touched",
+    "rebound_ceases",
     "run_out",
+    "same_phase",
     "side_of",
     "speed_at",
     "still_ahead",
@@ -76,6 +80,11 @@ def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], 
             found[Monitor("rate", i)] = lambda s, i=row, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
             if system.transitions[end].when is not None and end not in system.velocity_conditions:
                 found[Monitor("condition", i)] = lambda s, i=row: float(s.rates[i, 3])  # type: ignore[misc]
+    for name in rebounds(system, signature):
+        start, before = problem.signature.heads[name.segment], problem.signature.tails[name.segment - 1]
+        found[name] = lambda s, name=name, start=start, before=before: rebound(  # type: ignore[misc]
+            problem, name, start, float(s.rates[before, 0])
+        )
     return found
 
 
@@ -101,6 +110,16 @@ def _at_fixed_phases(system: HybridSystem, k: int) -> bool:
     """Return whether an event function knows the phase alone, and no parameter."""
     transition = system.transitions[k]
     return at_phases(system, transition) and not set(system.parameters) & set(NAME.findall(transition.event))
+
+
+def same_phase(system: HybridSystem, k: int, other: int) -> bool:
+    """Return whether two events know the phase alone and are due at one phase, or at fixed ones: none follows at once.
+
+    A motion that has made the one goes on for a share of the period before it can make the other.
+    """
+    fixed = _at_fixed_phases(system, k) and _at_fixed_phases(system, other)
+    own, its = system.transitions[k], system.transitions[other]
+    return fixed or (at_phases(system, own) and own.event == its.event)
 
 
 def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> float:
@@ -179,7 +198,9 @@ def without_shadows(names: Iterable[Monitor], vanishing: Iterable[int], count: i
         Segments in all.
     """
     beside = {i for j in vanishing for i in (j, (j - 1) % count)}
-    return [name for name in names if not (name.kind in ("rate", "condition", *_MET) and name.segment in beside)]
+    return [
+        name for name in names if not (name.kind in ("rate", "condition", "rebound", *_MET) and name.segment in beside)
+    ]
 
 
 def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], survey: Survey) -> Survey:
@@ -239,6 +260,16 @@ def passing(problem: OrbitProblem, segment: int, transition: int) -> float:
     if not met or (end >= 0 and system.transitions[end].event == system.transitions[transition].event):
         met.append(1.0)
     return float(min(met, key=condition))
+
+
+def holds_at(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> bool:
+    """Return whether the condition of a transition holds in a full state, or is 0 there within its error."""
+    if problem.system.transitions[transition].when is None:
+        return True
+    guard, x = np.empty(1), np.ascontiguousarray(x)
+    at = len(problem.system.modes) + transition
+    problem.system.compiled.call("guard", at, 0, x, problem.extended, guard)
+    return bool(guard[0] > -TOUCHING * _condition_size(problem, transition, x))
 
 
 def _condition_size(problem: OrbitProblem, transition: int, x: NDArray[np.float64]) -> float:
@@ -329,6 +360,25 @@ def without_speed(problem: OrbitProblem, u: NDArray[np.float64]) -> list[Monitor
     ends = [(i, k) for i, k in enumerate(problem.signature.transitions) if k >= 0]
     slow = [i for i, k in ends if speed_at(problem, k, problem.state_on(i, 1.0), period) < SPEEDLESS]
     return [Monitor("rate", i) for i in slow]
+
+
+def rebound_ceases(problem: OrbitProblem, u: NDArray[np.float64], segment: int) -> bool:
+    """Return whether a segment without length lies between two events on one surface, of which the first one stays.
+
+    That one is met with speed, and its reset leaves the motion on the surface without any: the second one vanishes.
+    Where impacts accumulate, or a motion grazes, both are met without speed.
+    """
+    problem, u = whole(problem, u)
+    ends, transitions = problem.signature.transitions, problem.system.transitions
+    here = {name.segment for name in rebounds(problem.system, problem.signature)}
+    if segment not in here or transitions[ends[segment]].event != transitions[ends[segment - 1]].event:
+        return False
+    before, period = (
+        segment - 1 if segment > 0 else problem.segments - 1,
+        float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum()),
+    )
+    problem.survey(u)
+    return not speed_at(problem, ends[before], problem.state_on(before, 1.0), period) < SPEEDLESS
 
 
 def speed_at(problem: OrbitProblem, transition: int, x: NDArray[np.float64], period: float) -> float:

@@ -11,12 +11,12 @@ import numpy as np
 
 from saltus.continuation.core.arclength import StepControl, follow
 from saltus.continuation.core.monitor import Monitor, at_grazing
-from saltus.continuation.core.zero_problem import Event, Examined, Point, correct, start_point
-from saltus.continuation.problems.beside import looks_beside
+from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
 from saltus.continuation.problems.changes import passes_smoothly
+from saltus.continuation.problems.ends.accumulating import accumulating
 from saltus.continuation.problems.ends.unbounded import period_of
 from saltus.continuation.problems.grazing import Neighbour, exchanged_at
-from saltus.continuation.problems.margins import speed_at
+from saltus.continuation.problems.margins import rebound_ceases, speed_at
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.continuation.runs.two_sided import turned
@@ -26,18 +26,19 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import DURATION, ON_BORDER, Signature, Survey
 from saltus.orbits.stability.families import of_a_family
-from saltus.scales import EXTREMES_BEYOND, NEARER, NO_DURATION, PARTING, RESTS_BEYOND, SAME_POINT, followed
+from saltus.scales import NO_DURATION, PARTING, RESTS_BEYOND, SAME_POINT, followed
 from saltus.system.own_states import absent_states
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "accumulated",
+    "beyond_changes",
     "exchanged_freely",
     "gone_on",
     "leaving",
     "parted",
-    "seen_beyond",
     "summed_late",
     "sums_up",
     "switched",
@@ -48,8 +49,6 @@ __all__ = [
 Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
 Equations: TypeAlias = "Callable[..., OrbitZeroProblem]"
 
-# Shares of the parameter's interval at which an orbit beyond a point is sought.
-_PROBES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _CLOSER = (1e-6, 1e-7, 1e-8)  # arclengths from a change of signature, of which one keeps the stability
 _LAST = 8  # points of a branch that tell which way its parameter goes
 # Why no branch goes on where all orbits of the equations graze.
@@ -57,6 +56,14 @@ _TOUCHES = "the motion beyond it touches the surface without speed, so that the 
 # Survey of a point from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _NONE = np.empty(0)
 _INADMISSIBLE = Survey(1, False, *(_NONE,) * 8, np.empty(0, dtype=np.int64), _NONE, np.empty((0, 3)))
+
+
+def accumulated(branch: OrbitZeroProblem, event: Event) -> str | None:
+    """Return in words that hits accumulate at a change of signature, or None where a segment vanishes between two."""
+    point, name = event.point, event.name
+    if name.kind == "rebound" or (name.kind == "duration" and rebound_ceases(branch.problem, point.u, name.segment)):
+        return None
+    return accumulating(branch, point, name)
 
 
 def leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
@@ -192,7 +199,7 @@ def parted(branch: OrbitZeroProblem, point: Point, equations: Equations) -> Beyo
     except ValueError:
         return None
     begun.examined, begun.arc = fresh.examine(begun, None), point.arc
-    if begun.examined.data is None or not _beyond_changes(fresh.problem, begun):
+    if begun.examined.data is None or not beyond_changes(fresh.problem, begun):
         return None
     # all unknowns but those of the segment between both events, and the duration before it, are what they were
     same = np.delete(np.arange(u.size), np.arange(i * (problem.n + 1) - 1, (i + 1) * (problem.n + 1)))
@@ -240,7 +247,7 @@ def _first_beyond(
         # where the parameter rests at the change its direction there is rounding: a step back to it is none
         if not isinstance(item, Point) or _way(item, old) < _way(point, old) - 0.1 * probe:
             continue
-        if _beyond_changes(branch.problem, item):
+        if beyond_changes(branch.problem, item):
             return item
         if item.examined.data.survey.admissible and _grazes_on(branch.problem, item):
             touching.append(item)
@@ -260,92 +267,6 @@ def _unstable_at(branch: OrbitZeroProblem, point: Point, old: Point) -> int | No
     else:
         data = old.examined.data if passes_smoothly(branch.problem, point.u, born) else None
     return None if data is None else int(data.unstable)
-
-
-def seen_beyond(
-    branch: OrbitZeroProblem, old: Point, equations: Equations, wide: float, *, ways: tuple[float, ...] = (1.0, -1.0),
-    rounds: int = 1,
-) -> Beyond | None:  # fmt: skip
-    """Return equations and point to go on with, as the motion beyond a point shows them; None where it shows none.
-
-    Next to an AS the branch has a vertical tangent in the duration that vanishes, so no step begins at the point.
-
-    Parameters
-    ----------
-    branch : OrbitZeroProblem
-        Equations that end at the point.
-    old : Point
-        The point.
-    equations : callable
-        Returns the equations of a signature near given unknowns.
-    wide : float
-        The parameter's interval, in its unit.
-    ways : tuple of float, optional
-        1 for onward along the parameter, -1 for back: those that are tried.
-    rounds : int, optional
-        Periods of the motion.
-    """
-    onward = math.copysign(1.0, float(old.tangent[-1]))
-    for probe in _PROBES:
-        for sign in (onward * way for way in ways):
-            for beside in looks_beside(branch.problem, old.u, sign * probe * wide, rounds):
-                if beside.signature == branch.problem.signature.whole:
-                    continue
-                fresh = equations(beside.signature, beside.u)
-                if (point := _admitted(fresh, beside, old, sign)) is not None:
-                    point.arc = old.arc + probe
-                    return fresh, point
-    return None
-
-
-def _admitted(fresh: OrbitZeroProblem, beside: Neighbour, old: Point, sign: float) -> Point | None:
-    """Return the point of an orbit beyond a change of signature, if it is admissible and next to the change's orbit.
-
-    Parameters
-    ----------
-    fresh : OrbitZeroProblem
-        Equations of its signature.
-    beside : Neighbour
-        The orbit.
-    old : Point
-        The point at which the signature changes.
-    sign : float
-        Which way the parameter goes along the tangent.
-    """
-    try:
-        point = start_point(fresh, beside.u, sign)
-    except ValueError:
-        return None
-    point.examined = fresh.examine(point, None)
-    if point.examined.data is None:
-        return None
-    if not _apart(fresh, point, old) < EXTREMES_BEYOND or not _beyond_changes(fresh.problem, point):
-        return None
-    return point if _comes_near(fresh, point, old) else None
-
-
-def _comes_near(fresh: OrbitZeroProblem, point: Point, old: Point) -> bool:
-    """Return whether an orbit beyond a change becomes that of the change as the parameter goes there.
-
-    At a quarter of the way, the distance is a half where it grows like a root, and the same where there is a jump.
-    """
-    apart = _apart(fresh, point, old)
-    if apart <= SAME_POINT:
-        return True
-    u, along = point.u.copy(), np.zeros(point.u.size)
-    u[-1] = old.parameter + 0.25 * (point.parameter - old.parameter)
-    along[-1] = 1.0
-    closer = correct(fresh, u, along, point.weights, 7)
-    if isinstance(closer, str):
-        return False
-    closer.examined = fresh.examine(closer, None)
-    return closer.examined.data is not None and _apart(fresh, closer, old) < NEARER * apart
-
-
-def _apart(fresh: OrbitZeroProblem, point: Point, old: Point) -> float:
-    """Return how far the extremes of an orbit beyond a change are from those at the change, over the states' sizes."""
-    count = len(fresh.problem.system.states)
-    return float(np.max(np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]))
 
 
 def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
@@ -399,13 +320,7 @@ def _way(point: Point, old: Point) -> float:
     return abs(point.parameter - old.parameter)
 
 
-def _ranges(point: Point, count: int) -> NDArray[np.float64]:
-    """Return the extremes of the `count` states of a point's orbit, shape (2, count)."""
-    survey: Survey = point.examined.data.survey
-    return np.stack([survey.lows[:count], survey.highs[:count]])
-
-
-def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
+def beyond_changes(problem: OrbitProblem, point: Point) -> bool:
     """Return whether a point is admissible and all its monitor functions of grazings are on that side.
 
     A margin within the flow's error is on neither: a surface that is touched at the change as well may be passed.
@@ -414,6 +329,8 @@ def _beyond_changes(problem: OrbitProblem, point: Point) -> bool:
     grazings = []
     for name, value in point.examined.monitors.items():
         if not at_grazing(name) or math.isnan(value):
+            continue
+        if name.kind == "rebound":  # a motion may leave to either side
             continue
         # an event in both directions has no admissible side
         event = {"side": name.transition, "rate": ends[name.segment]}.get(name.kind)

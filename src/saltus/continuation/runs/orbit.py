@@ -43,6 +43,7 @@ from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
 from saltus.continuation.runs.pieces import in_more_pieces
 from saltus.continuation.runs.run import Going
+from saltus.continuation.runs.seen import seen_beyond
 from saltus.continuation.runs.to_homoclinic import end_unbounded
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide
 from saltus.errors import InputError
@@ -262,10 +263,10 @@ class OrbitRun(OneParameterRun):
         if (again := beyond.parted(piece, point, self.equations)) is not None:
             half.points.pop()
             return *again, self._first_step
-        if beyond.summed_late(piece.problem, point.u):
-            again = beyond.seen_beyond(piece, point, self.equations, self._wide, ways=(1.0,), rounds=2)
-            if again is not None:
-                return *again, self._first_step
+        late = beyond.summed_late(piece.problem, point.u)
+        again = seen_beyond(piece, point, self.equations, self._wide, ways=(1.0,), rounds=2) if late else None
+        if again is not None:
+            return *again, self._first_step
         return self._cut(half, piece, point)
 
     def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:
@@ -323,17 +324,16 @@ class OrbitRun(OneParameterRun):
             point.examined = beyond.as_before(point.examined, half.points[-1][1].examined.data)
             half.specials.append(replace(self.found("BE", branch, event, half), of=shrunk.kind))
             return self.ends(half, branch, point, shrunk.told)
-        if (hits := accumulating(branch, point, event.name)) is not None:
+        if (hits := beyond.accumulated(branch, event)) is not None:
             point.examined = beyond.without_rounding(point.examined)
             return self.ends(half, branch, point, hits)
         way = beyond.leaving(branch, event)
         if beyond.sums_up(branch.problem, way):
             half.points.append((branch, point))
-            again = beyond.seen_beyond(branch, point, self.equations, self._wide, ways=(1.0,), rounds=2)
-            told = f"{self.place(point)}: the sum of the impacts that accumulate is no longer exact"
-            return told if again is None else (*again, self._first_step)
-        beside = neighbours(branch.problem, way, point.u)
-        found = beside[0]
+            again = seen_beyond(branch, point, self.equations, self._wide, ways=(1.0,), rounds=2)
+            inexact = "the sum of the impacts that accumulate is no longer exact"
+            return f"{self.place(point)}: {inexact}" if again is None else (*again, self._first_step)
+        found = (beside := neighbours(branch.problem, way, point.u))[0]
         name = type_of_change(branch.problem, way, point.u, found)
         # an excursion's duration and the rate at its end vanish at once there: either may have been located
         vanishes = way.kind == "duration" if name == "AS" else way.kind == "rate" and isinstance(found, str)
@@ -359,7 +359,7 @@ class OrbitRun(OneParameterRun):
         what = POINT_TYPES[name].meaning
         went = beyond.gone_on(beside, branch.problem, point, self.equations)
         if isinstance(went, str) and (name != "GR" or (way.kind == "margin" and len(beside) > 1)):
-            went = beyond.seen_beyond(branch, point, self.equations, self._wide) or went
+            went = seen_beyond(branch, point, self.equations, self._wide) or went
         if isinstance(went := unless_followed(half, went), str):
             return f"{self.place(point)}: {what}, {went}"
         if name != "GR" and beyond.turns_back(half.points, went[1]):

@@ -119,5 +119,20 @@ class _Orbit:
         speed = abs(float(event[1])) * self.period / (float(np.abs(event[2 : 2 + n]) @ self.sizes) or math.inf)
         if not speed > max(SPEEDLESS, math.sqrt(followed(rtol))):
             return None
+        if not self._happens(k, np.ascontiguousarray(sides[0, 0]), motion.p):
+            return None
         met, last = self.system.transition_names[k], float(self.durations[i])
         return f"a simulation from segment {i} meets {met!r} after {times[0]:.6g}, before its end at {last:.6g}"
+
+    def _happens(self, k: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> bool:
+        """Return whether the condition of a transition holds in a state and next to it, as it does off a border."""
+        if self.system.transitions[k].when is None:
+            return True
+        held, at = np.empty(1), len(self.system.modes) + k
+        for move in np.concatenate([np.diag(self.sizes), -np.diag(self.sizes)]) * TOUCHING:
+            moved = x.copy()
+            moved[: self.sizes.size] += move
+            self.system.compiled.call("guard", at, 0, moved, p, held)
+            if not held[0] > 0.0:
+                return False
+        return True

@@ -16,7 +16,7 @@ from saltus.scales import CONDITIONS_ALIKE
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Found", "Rows", "Touch", "closed", "closes_round", "gathered", "inserted", "joined"]
+__all__ = ["Found", "Rows", "Touch", "closed", "closes_round", "gathered", "inserted", "joined", "without"]
 
 # a signature, and the segments' states and durations, shape (segments, n + 1)
 Found = tuple[Signature, "NDArray[np.float64]"]
@@ -44,14 +44,24 @@ def gathered(rows: Rows, turns: int) -> Found:
 
 def joined(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> Found:
     """Return the signature in which segment `i` and the next one, which continues it, are one."""
-    old, following = problem.signature, (i + 1) % len(problem.signature)
-    if following == i:
-        return closed(problem, blocks, u, i)
-    whole = blocks[i].copy()
-    whole[problem.n] += blocks[following, problem.n]
-    rows = list(zip(old.modes, old.transitions, blocks, strict=True))
-    rows[i] = (old.modes[i], old.transitions[following], whole)
-    del rows[following]
+    return without(problem, blocks, u, [i])
+
+
+def without(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], ends: Sequence[int]) -> Found:
+    """Return the signature without the events at the ends of some segments, which the next ones continue."""
+    old, n, count = problem.signature, problem.n, len(problem.signature)
+    kept = [i for i in range(count) if i not in ends]
+    if not kept:
+        return closed(problem, blocks, u, ends[0])
+    rows: Rows = []
+    for before, end in zip((kept[-1] - count, *kept[:-1]), kept, strict=True):
+        first = (before + 1) % count
+        whole = blocks[first].copy()
+        for i in range(before + 2, end + 1):
+            whole[n] += blocks[i % count, n]
+        if first > end and problem.system.phase is not None:  # it begins in the period before
+            whole[n - 1] -= problem.system.turn * old.turns
+        rows.append((old.modes[first], old.transitions[end], whole))
     return gathered(rows, old.turns)
 
 
