@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, overload
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.core.point_types import POINT_TYPES
+from saltus.continuation.core.point_types import meaning_of
 from saltus.continuation.problems.ends.connection import Homoclinic
 from saltus.continuation.results.point_normal_forms import Critical, NoNormalForm, normal_form_at
 from saltus.continuation.results.point_sensitivities import Place, moved
@@ -263,7 +263,8 @@ class SpecialPoint(Generic[Solved]):
         return xr.Dataset({along: ("parameter", slopes, attributes)}, {"parameter": list(others)})
 
     def __repr__(self) -> str:
-        meaning = f", {POINT_TYPES[self.type].meaning}" if self.type in POINT_TYPES else ""
+        known = meaning_of(self.type, self.locus)
+        meaning = f", {known}" if known else ""
         if self.type == "HB" and not self.solution.at_rest:
             meaning += ": the cycle shrinks to an equilibrium"
         if self.multiplicity > 1:

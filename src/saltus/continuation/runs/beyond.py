@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "apart",
     "exchanged_freely",
     "gone_on",
     "leaving",
@@ -319,7 +320,7 @@ def _admitted(fresh: OrbitZeroProblem, beside: Neighbour, old: Point, sign: floa
     point.examined = fresh.examine(point, None)
     if point.examined.data is None:
         return None
-    if not _apart(fresh, point, old) < EXTREMES_BEYOND or not _beyond_changes(fresh.problem, point):
+    if not apart(fresh, point, old) < EXTREMES_BEYOND or not _beyond_changes(fresh.problem, point):
         return None
     return point if _comes_near(fresh, point, old) else None
 
@@ -329,8 +330,8 @@ def _comes_near(fresh: OrbitZeroProblem, point: Point, old: Point) -> bool:
 
     At a quarter of the way, the distance is a half where it grows like a root, and the same where there is a jump.
     """
-    apart = _apart(fresh, point, old)
-    if apart <= SAME_POINT:
+    away = apart(fresh, point, old)
+    if away <= SAME_POINT:
         return True
     u, along = point.u.copy(), np.zeros(point.u.size)
     u[-1] = old.parameter + 0.25 * (point.parameter - old.parameter)
@@ -339,10 +340,10 @@ def _comes_near(fresh: OrbitZeroProblem, point: Point, old: Point) -> bool:
     if isinstance(closer, str):
         return False
     closer.examined = fresh.examine(closer, None)
-    return closer.examined.data is not None and _apart(fresh, closer, old) < NEARER * apart
+    return closer.examined.data is not None and apart(fresh, closer, old) < NEARER * away
 
 
-def _apart(fresh: OrbitZeroProblem, point: Point, old: Point) -> float:
+def apart(fresh: OrbitZeroProblem, point: Point, old: Point) -> float:
     """Return how far the extremes of an orbit beyond a change are from those at the change, over the states' sizes."""
     count = len(fresh.problem.system.states)
     return float(np.max(np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]))
@@ -351,12 +352,7 @@ def _apart(fresh: OrbitZeroProblem, point: Point, old: Point) -> float:
 def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
     """Return whether impacts that accumulate could have been summed up two of them before: the last ones are rounding.
 
-    Parameters
-    ----------
-    problem : OrbitProblem
-        Equations of the orbit.
-    u : ndarray, shape (size + 1,)
-        Its unknowns, and the parameter.
+    problem, u: equations of the orbit; its unknowns, and the parameter.
     """
     system, signature, condition = problem.system, problem.signature, np.empty(1)
     sums = [i for i, k in enumerate(signature.transitions) if k >= 0 and system.transitions[k].sums]

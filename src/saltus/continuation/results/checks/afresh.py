@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.core.point_types import ACCUMULATION
 from saltus.errors import SaltusError
 from saltus.flow.motion import EventDrivenMotion
 from saltus.orbits.signature import CUT_END
@@ -47,7 +48,14 @@ def afresh(curve: Any) -> tuple[list[tuple[float, str]], int]:
 def _hits(curve: Any, i: int) -> bool:
     """Return whether an orbit of a curve has events; flights between these may be in pieces."""
     form = curve.forms[curve.form[i]]
+    if any(point.type == ACCUMULATION and point.value(curve.varied[0]) == curve.values[i] for point in _ends(curve)):
+        return False  # of its hits some are left out
     return max(form.transitions) >= 0 and CUT_END not in form.kinds
+
+
+def _ends(curve: Any) -> list[Any]:
+    """Return the special points of a branch; of a locus none, on which the letters of an accumulation mean another."""
+    return list(curve.special_points) if len(curve.varied) == 1 else []
 
 
 class _Orbit:
