@@ -84,6 +84,3 @@ HOP_ROUNDING = 1e-4
 
 # Change of a parameter, in its unit, by further hits, that is rounding of their heights.
 ACCUMULATION_SETTLED = 1e-13
-
-# Duration of a hop, over the period, below which its height, the cube, is next to the error of a flow.
-HOP_FOLLOWED = 1e-4

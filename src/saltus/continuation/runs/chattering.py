@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
+import numpy as np
+
 from saltus.continuation.core.point_types import ACCUMULATION, meaning_of
-from saltus.continuation.core.zero_problem import Point, start_point
+from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.ends.accumulation import Accumulated, accumulated_near
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.runs import beyond
@@ -13,7 +15,6 @@ from saltus.continuation.runs.two_sided import Found, turned
 from saltus.scales import EXTREMES_BEYOND
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from saltus.continuation.runs.run import Going
@@ -50,6 +51,8 @@ class Orbits(Protocol):
         """Return the orbit of a point."""
 
 
+_LAST = 24  # points of a branch that tell on which side of an accumulation its orbits are
+
 _Located: TypeAlias = tuple[Accumulated, OrbitZeroProblem, Point]
 
 
@@ -63,30 +66,37 @@ def _located(run: Orbits, branch: OrbitZeroProblem, point: Point) -> _Located | 
     """Return the accumulation near a point of a branch, with equations and point of orbits without rest; or None."""
     if run.fixed is not None or (found := accumulated_near(branch.problem, point.u)) is None:
         return None
-    if (flies := found.among_flights(branch.problem.system, branch.problem.tol)) is None:
-        return None
-    fresh = run.equations(flies[0].signature, flies[1])
-    try:
-        there = start_point(fresh, flies[1])
-    except ValueError:
-        return None
-    there.u[-1] = found.u[-1]
+    signature, u = found.among_flights()
+    fresh = run.equations(signature, u)
+    F, J = fresh.problem.resolve(u)
+    along = np.zeros(u.size)
+    along[-1] = 1.0
+    there = Point(u, J, along, fresh.metric(u), 1.0, 0.0, float(np.abs(F).max()))
     there.examined = fresh.examine(there, None)
     if there.examined.data is None or not beyond.apart(fresh, there, point) < EXTREMES_BEYOND:
         return None
     there.examined = beyond.without_rounding(there.examined)
-    onward = there.parameter - point.parameter
-    there = turned(there, onward * float(there.tangent[-1]), fresh.odd)
-    there.arc = point.arc + abs(onward)
     return found, fresh, there
 
 
-def _keep(run: Orbits, half: OneSide, located: _Located) -> None:
-    """Add the accumulation to a direction, as a special point and as a point of the curve."""
+def _keep(run: Orbits, half: OneSide, located: _Located) -> Point:
+    """Add the accumulation to a direction, as a special point and as a point of the curve; return this.
+
+    Orbits with hops below the flow's error may lie beyond it, and are dropped.
+    """
     found, fresh, there = located
+    rows = [point.parameter - there.parameter for _, point in half.points]
+    side = max(rows[-_LAST:], key=abs)
+    while len(rows) > 1 and rows[-1] * side < 0.0:
+        rows.pop()
+        half.points.pop()
+    half.specials = [known for known in half.specials if known.after <= len(half.points)]
+    there = turned(there, -side, fresh.odd)
+    there.arc = half.points[-1][1].arc + abs(rows[-1])
     of, orbit = fresh.problem.system.transitions[found.impact].name, run.orbit_of(fresh, there)
     half.specials.append(Found(ACCUMULATION, orbit, found.value, len(half.points), there.arc, of))
     half.points.append((fresh, there))
+    return there
 
 
 def accumulation_between(run: Orbits, half: OneSide, going: Going) -> Going:
@@ -104,9 +114,8 @@ def accumulation_between(run: Orbits, half: OneSide, going: Going) -> Going:
     there, ends = located[2], sorted([last.parameter, later.parameter])
     if not ends[0] <= there.parameter <= ends[1]:
         return going
-    there.arc = last.arc + abs(there.parameter - last.parameter)
+    there = _keep(run, half, located)
     later.arc = max(later.arc, there.arc + abs(later.parameter - there.parameter))
-    _keep(run, half, located)
     return fresh, later, step
 
 
@@ -117,11 +126,14 @@ def from_accumulation(
 
     None where no accumulation is found. at: equations and point of the last orbit. told: what an end says.
     """
-    if (located := _located(run, *at)) is None:
+    if not half.points or (located := _located(run, *at)) is None:
         return None
-    _keep(run, half, located)
-    _, fresh, there = located
+    fresh, there = located[1], _keep(run, half, located)
     if ACCUMULATION in run.stops:
         return f"{run.place(there)}: {meaning_of(ACCUMULATION)}"
-    went = beyond.seen_beyond(fresh, there, run.equations, run.wide, ways=(1.0,), rounds=2)
-    return f"{run.place(there)}: {told}" if went is None else (*went, run.first_step)
+    went = None
+    if any(transition.sums for transition in fresh.problem.system.transitions):
+        went = beyond.seen_beyond(fresh, there, run.equations, run.wide, ways=(1.0,), rounds=2)
+    if went is None or not (_rests(went[0].problem) or _rests(at[0].problem)):
+        return f"{run.place(there)}: {told}"
+    return *went, run.first_step

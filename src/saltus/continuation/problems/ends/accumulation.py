@@ -12,20 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import SaltusError
 from saltus.orbits.common_sizes import newton_step
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.signature import EVENT_END, WHEN, Signature
-from saltus.orbits.solve import solve_unknowns
-from saltus.scales import ACCUMULATION_SETTLED, EPS, HOP_FOLLOWED, HOP_ROUNDING, NEWTON_CONVERGED
+from saltus.scales import ACCUMULATION_SETTLED, EPS, HOP_ROUNDING, NEWTON_CONVERGED
 from saltus.system.accumulation import Accumulation, accumulation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from saltus.system.hybrid import HybridSystem
 
 __all__ = ["Accumulated", "accumulated_near", "hits_of"]
 
@@ -49,46 +45,30 @@ class Accumulated:
     value: float  # what is left of the condition
     first: int  # the segment of the flight behind the rest
 
-    def among_flights(self, system: HybridSystem, tol: float) -> tuple[OrbitProblem, NDArray[np.float64]] | None:
-        """Return the orbit in the signature of those that do not rest, with equations of a system without the rest.
+    def among_flights(self) -> tuple[Signature, NDArray[np.float64]]:
+        """Return signature and unknowns in the form of orbits that do not rest.
 
-        It has the hits whose heights are above the flow's error. None where it solves no equations.
+        The flight behind the last hit that is followed goes on to that behind the rest. The infinitely many hops
+        between are left out: what is left of the equations is the square of their time.
         """
-        n, count, known = self.problem.n, self.problem.segments, self.problem.system
-        blocks, form = self.u[: self.problem.size].reshape(count, n + 1), self.problem.signature
-        shift = np.zeros(n + 1)
-        if known.phase is not None:
-            shift[n - 1] = known.turn * form.turns
-        order = [(self.first + i) % count for i in range(count - 2)]  # without the two segments of the rest
-        rows = [(form.modes[i], form.transitions[i], blocks[i] + (shift if i < self.first else 0.0)) for i in order]
-        kept = len(rows)
-        after = (self.first + kept) % count
-        behind = blocks[after] + (shift if after < self.first else 0.0)
-        period = float(blocks[:, n].sum())
-        while kept > 1 and rows[kept - 1][2][n] < HOP_FOLLOWED * period and rows[kept - 2][1] == self.impact:
-            kept -= 1
-            behind = rows[kept][2]
-        rows = rows[:kept]
-        left = period - float(sum(row[2][n] for row in rows))
-        rows[-1] = (rows[-1][0], self.impact, rows[-1][2])
-        start = behind - shift
-        start[n] = left + rows[0][2][n]
-        rows[0] = (rows[0][0], rows[0][1], start)
+        n, count, system = self.problem.n, self.problem.segments, self.problem.system
+        blocks, form = self.u[: self.problem.size].reshape(count, n + 1).copy(), self.problem.signature
+        if system.phase is not None:
+            blocks[: self.first, n - 1] += system.turn * form.turns
+        order = [(self.first + i) % count for i in range(count)]
+        flights, stops = order[:-2], order[-2]
+        start, rested = blocks[stops].copy(), float(blocks[order[-2:], n].sum())
+        if system.phase is not None:
+            start[n - 1] -= system.turn * form.turns
+        start[n] = rested + blocks[flights[0], n]
+        rows = np.array([start, *blocks[flights[1:]]])
+        ends = [form.transitions[i] for i in flights[:-1]]
         signature = Signature(
-            tuple(row[0] for row in rows), tuple(row[1] for row in rows), (EVENT_END,) * len(rows), form.turns
+            tuple(form.modes[i] for i in flights), (*ends, self.impact), (EVENT_END,) * len(flights), form.turns
         )
-        p = self.problem.parameters_at(self.u)
-        problem = OrbitProblem(system, signature, p, tol=tol)
-        u = np.concatenate([row[2] for row in rows])
-        if problem.start(u) is not None:
-            return None
-        signature, u = settle_signature(problem, u)
-        problem = OrbitProblem(system, signature, p, tol=tol)
-        try:
-            u = solve_unknowns(problem, u)[0]
-        except SaltusError:
-            return None
-        return problem, np.append(u, self.u[-1])
+        problem = OrbitProblem(system, signature, self.problem.parameters_at(self.u), tol=self.problem.tol)
+        signature, u = settle_signature(problem, rows.ravel())
+        return signature, np.append(u, self.u[-1])
 
 
 def hits_of(problem: OrbitProblem) -> dict[int, list[int]]:
