@@ -11,6 +11,7 @@ __all__ = [
     "CHANGES",
     "POINT_TYPES",
     "PointType",
+    "accumulates",
     "loci_through",
     "meaning_of",
     "on_branches",
@@ -121,6 +122,11 @@ def loci_through(kind: str) -> Mapping[str, str]:
     return {name: known.locus or name for name, known in POINT_TYPES.items() if kind in known.loci}
 
 
+def accumulates(type: str, locus: str) -> bool:
+    """Return whether a special point of a type, on a branch or on a locus of some type, is an accumulation of hits."""
+    return type == ACCUMULATION and not locus
+
+
 def type_on(name: str, locus: str = "") -> PointType | None:
     """Return what is known of a type of special points of a branch, or of a locus of some type; None of users' events.
 
@@ -129,7 +135,7 @@ def type_on(name: str, locus: str = "") -> PointType | None:
     >>> type_on("CH").meaning, type_on("CH", "TR").meaning
     ('accumulation of hits (chatter)', 'Chenciner')
     """
-    return _CHATTER if name == ACCUMULATION and locus in ("", ACCUMULATION) else POINT_TYPES.get(name)
+    return _CHATTER if accumulates(name, locus) else POINT_TYPES.get(name)
 
 
 def meaning_of(name: str, locus: str = "") -> str:
