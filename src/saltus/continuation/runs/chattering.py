@@ -8,11 +8,12 @@ import numpy as np
 
 from saltus.continuation.core.point_types import ACCUMULATION, meaning_of
 from saltus.continuation.core.zero_problem import Point
+from saltus.continuation.problems.ends.accumulating import accumulating
 from saltus.continuation.problems.ends.accumulation import Accumulated, accumulated_near
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.runs import beyond
 from saltus.continuation.runs.two_sided import Found, turned
-from saltus.scales import EXTREMES_BEYOND
+from saltus.scales import EXTREMES_BEYOND, SAME_POINT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Signature
     from saltus.orbits.unfolding import Fixed
 
-__all__ = ["accumulation_between", "from_accumulation"]
+__all__ = ["accumulation_between", "ended_at", "from_accumulation"]
 
 
 class Orbits(Protocol):
@@ -137,3 +138,28 @@ def from_accumulation(
     if went is None or not (_rests(went[0].problem) or _rests(at[0].problem)):
         return f"{run.place(there)}: {told}"
     return *went, run.first_step
+
+
+def ended_at(run: Orbits, half: OneSide, at: tuple[OrbitZeroProblem, Point], told: str) -> str | Going:
+    """Return what `from_accumulation` does where hits accumulate at a branch's last point; else why the branch ends.
+
+    The branch may have turned back next to the accumulation, and come to an earlier special point: it is cut there.
+    """
+    ended = None
+    if accumulating(*at) is not None:
+        kept = half.points[:], half.specials[:]
+        _cut_back(half)
+        if (ended := from_accumulation(run, half, half.points[-1], told)) is None:
+            half.points[:], half.specials[:] = kept
+    return ended or f"{run.place(at[1])}: {told}"
+
+
+def _cut_back(half: OneSide) -> None:
+    """Cut a direction at the special point before its last one that is the same, if there is one."""
+    own = half.specials[-1]
+    for i, old in enumerate(half.specials[:-1]):
+        values = zip(own.solution.parameters.values(), old.solution.parameters.values(), strict=True)
+        near = all(abs(one - other) <= SAME_POINT * abs(other) for one, other in values)
+        if near and old.name == own.name and old.solution.form.whole == own.solution.form.whole:
+            half.points, half.specials = half.points[: old.after + 1], half.specials[: i + 1]
+            return

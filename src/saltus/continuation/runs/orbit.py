@@ -35,7 +35,7 @@ from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs import beyond
-from saltus.continuation.runs.chattering import accumulation_between, from_accumulation
+from saltus.continuation.runs.chattering import accumulation_between, ended_at, from_accumulation
 from saltus.continuation.runs.closed_points import points_when_closed, unless_followed
 from saltus.continuation.runs.columns import orbit_columns
 from saltus.continuation.runs.copies import copied
@@ -378,7 +378,7 @@ class OrbitRun(OneParameterRun):
         if isinstance(went, str) and (name != "GR" or (way.kind == "margin" and len(beside) > 1)):
             went = beyond.seen_beyond(branch, point, self.equations, self.wide) or went
         if isinstance(went := unless_followed(half, went), str):
-            return f"{self.place(point)}: {what}, {went}"
+            return ended_at(self, half, (branch, point), f"{what}, {went}")
         if name != "GR" and beyond.turns_back(half.points, went[1]):
             half.specials[-1] = replace(half.specials[-1], of="non-smooth fold")
         return *went, self.first_step
