@@ -7,7 +7,7 @@ from typing import Any, overload
 
 from saltus import checks
 from saltus.continuation.core.arclength import StepControl
-from saltus.continuation.core.point_types import POINT_TYPES
+from saltus.continuation.core.point_types import POINT_TYPES, accumulates
 from saltus.continuation.results.auditing import audited
 from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.results.locus import Locus
@@ -165,6 +165,9 @@ def _type_of(point: SpecialPoint[Any] | None, solution: Any, run: type[TwoParame
         name = type(solution).__name__
         what = f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
         raise InputError("start", what, f"a special point, or {solution.noun} with its type", "type='SN'")
+    if accumulates(point.type, point.locus):
+        wanted = "a point of a type with a locus"
+        raise InputError("start", point.type, wanted, "an accumulation of hits has no locus: follow branches instead")
     kind = run.loci.get(point.type, point.locus if point.type == "TP" else None)
     if kind is None and point.type not in POINT_TYPES:
         run.check_quantity(point)

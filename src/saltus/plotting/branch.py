@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import singledispatch
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -181,7 +181,7 @@ def draw_special(
     """Draw special points of a branch, by default all, with a label for each type; words: labels of one's own."""
     chosen = [*(branch.special_points if drawn is None else drawn)]
     for kind in dict.fromkeys(point.type for point in chosen):
-        marker = style.SPECIAL.get(kind, replace(style.EVENT, meaning=""))
+        marker = style.on_branches(kind)
         points = [point for point in chosen if point.type == kind]
         ax.plot(
             [_at(branch, point, x) for point in points],

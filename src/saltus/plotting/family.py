@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -150,7 +149,7 @@ def _kinds(branches: list[Branch]) -> list[str]:
 
 
 def _marker(kind: str) -> style.Marker:
-    return style.SPECIAL.get(kind, replace(style.EVENT, meaning=""))
+    return style.on_branches(kind)
 
 
 def _draw_legend(ax: Axes, kinds: list[str], branches: list[Branch], alone: bool) -> None:

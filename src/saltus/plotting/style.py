@@ -6,12 +6,12 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
-from saltus.continuation.core.point_types import POINT_TYPES
+from saltus.continuation.core.point_types import ACCUMULATION, POINT_TYPES, type_on
 from saltus.errors import InputError
 from saltus.extras import check_installed
 
@@ -91,6 +91,12 @@ class Marker:
 SPECIAL: Mapping[str, Marker] = MappingProxyType(
     {name: Marker(of.legend, of.marker, of.colour, of.filled, of.size) for name, of in POINT_TYPES.items()}
 )
+
+_ON_BRANCHES = {
+    name: Marker(of.legend, of.marker, of.colour, of.filled, of.size)
+    for name in (ACCUMULATION,)
+    if (of := type_on(name)) is not None
+}
 
 EVENT = Marker("event", "o", "#8a6d00", filled=False)  # marker of a user's event
 
@@ -188,6 +194,17 @@ def line_of(kind: str, colour: str | None = None) -> dict[str, Any]:
     """
     own = dict(LINES[kind])
     return own if kind in FAULTY else own | {"color": chosen_colour(colour, own["color"])}
+
+
+def on_branches(kind: str) -> Marker:
+    """Return the marker of a type of special points of branches; one without a meaning for a user's event.
+
+    Examples
+    --------
+    >>> on_branches("CH").meaning, SPECIAL["CH"].meaning
+    ('accumulation of hits', 'Chenciner point')
+    """
+    return _ON_BRANCHES.get(kind) or SPECIAL.get(kind, replace(EVENT, meaning=""))
 
 
 def axes(ax: Axes | None) -> Axes:

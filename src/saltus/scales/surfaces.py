@@ -78,3 +78,9 @@ SLOWED = 0.05
 
 # Rate of a surface where a motion leaves it, over the largest on the branch, next to a two-fold.
 BESIDE_TWO_FOLD = 0.05
+
+# Rounding of an event function, over the height of a hop, from which on the hop's speed and time lose their digits.
+HOP_ROUNDING = 1e-4
+
+# Change of a parameter, in its unit, by further hits, that is rounding of their heights.
+ACCUMULATION_SETTLED = 1e-13

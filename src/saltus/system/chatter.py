@@ -17,7 +17,7 @@ from saltus.system.parts import Mode, Transition
 if TYPE_CHECKING:
     import sympy
 
-__all__ = ["with_rests"]
+__all__ = ["Settling", "with_rests"]
 
 _SLOWLY = 10.0  # times that the pull towards the surface may not change by itself within the time left
 _MOMENT = 1e-3  # time behind the end of a rest at which a motion goes on, over the time left to a sequence
@@ -69,10 +69,10 @@ def with_rests(
 def _settling(
     transition: Transition, transitions: tuple[Transition, ...], modes: Mapping[str, Mode], states: tuple[str, ...],
     names: tuple[str, ...], phase: tuple[str, str] | None,
-) -> _Settling:  # fmt: skip
+) -> Settling:  # fmt: skip
     """Return what is made of one transition: of impacts within a mode, or of those that lead from side to side."""
     if transition.target == transition.source:
-        return _Settling(transition, modes, states, names, phase)
+        return Settling(transition, modes, states, names, phase)
     way = (transition.target, transition.source, transition.event, -transition.direction)
     back = next((t for t in transitions if (t.source, t.target, t.event, t.direction) == way), None)
     if back is None or not transition.direction:
@@ -82,7 +82,7 @@ def _settling(
     return _Rocking(transition, back, modes, states, names, phase)
 
 
-class _Settling:
+class Settling:
     """What is made of one transition, whose impacts stay in their mode."""
 
     share = _SHARE  # time left at which a sequence is summed up, over the period of the phase
@@ -114,6 +114,7 @@ class _Settling:
         self._complete_rest(set(states) - set(modes[rests].states or states))
 
     def read(self, text: str) -> sympy.Expr:
+        """Return an expression of the definition."""
         return parse(text, self.names, self.where)
 
     def along(self, value: sympy.Expr, field: Mapping[str, sympy.Expr] | None = None) -> sympy.Expr:
@@ -246,10 +247,11 @@ class _Settling:
         return {*self.x.values(), *([] if self.phase is None else [sympy.Symbol(self.phase[0], real=True)])}
 
     def text(self, value: sympy.Expr) -> str:
+        """Return an expression as text."""
         return text_of(value, self.where, self.names)
 
 
-class _Rocking(_Settling):
+class _Rocking(Settling):
     """What is made of a transition whose impacts lead from side to side, as those of a rocking block.
 
     The pulls differ on both sides, and so may the restitutions. The time left is summed up to first order.
@@ -281,7 +283,7 @@ class _Rocking(_Settling):
         self.slowing = own * other * lost / (2 * (own + there * other))
 
     def mode(self) -> Mode:
-        """See `_Settling.mode`."""
+        """See `Settling.mode`."""
         import sympy
 
         still = {self.x[name]: self.x[name] - part * self.rate for name, part in self.turn.items()}
@@ -293,7 +295,7 @@ class _Rocking(_Settling):
         return Mode({name: self.text(rate) for name, rate in rates.items()})
 
     def transitions(self) -> list[Transition]:
-        """See `_Settling.transitions`."""
+        """See `Settling.transitions`."""
         t, settling = self.t, f"{self.t.name}_settling"
         time = self.left * self.slowing - t.direction * self.rate
         when = self.asked(*(self.after(part) for part in (*self.pulls, time)))
@@ -303,7 +305,7 @@ class _Rocking(_Settling):
         return [last, Transition(settling, str(t.rests), self.text(self.rate), -t.direction)]
 
     def leaving(self, transition: Transition) -> Transition:
-        """See `_Settling.leaving`: a motion may leave the rest to either side."""
+        """See `Settling.leaving`: a motion may leave the rest to either side."""
         fields = {self.t.source: self.field, self.t.target: self.beyond}
         if transition.source != self.t.rests or transition.target not in fields or transition.reset:
             return transition

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.core.point_types import CHANGES
+from saltus.continuation.core.point_types import CHANGES, accumulates
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.equilibria import Equilibrium
@@ -20,7 +20,7 @@ from saltus.maps.orbit import MapOrbit
 from saltus.orbits import PeriodicOrbit
 from saltus.verification.algebraic import EquilibriumCheck, MapOrbitCheck, sizes_of
 from saltus.verification.orbits import OrbitCheck
-from saltus.verification.table import Row, Verification, equal, placed, worst
+from saltus.verification.table import Row, Verification, equal, placed, unchecked, worst
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -114,6 +114,8 @@ def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> 
         return placed(point.label, EquilibriumCheck(point.homoclinic.saddle).rows())
     check, multiplicity = _check(point.solution, sizes), getattr(point, "multiplicity", 1)
     wanted = [point.type] if not point.locus or point.type == point.locus else [point.locus, point.type]
+    if accumulates(point.type, point.locus):
+        return placed(point.label, [unchecked(f"type {point.type}", point.type, "no independent condition")])
     rows = [row for one in wanted for row in check.condition(one, multiplicity)]
     if point.type not in check.shrinks_at:
         rows += [row for row in check.rows() if not _is_critical(row)]

@@ -6,7 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-__all__ = ["CHANGES", "POINT_TYPES", "PointType", "loci_through", "on_branches"]
+__all__ = [
+    "ACCUMULATION",
+    "CHANGES",
+    "POINT_TYPES",
+    "PointType",
+    "accumulates",
+    "loci_through",
+    "meaning_of",
+    "on_branches",
+    "type_on",
+]
 
 _INK = "#1b1b1e"
 _RED = "#b8101f"  # red, green and purple are the paper's
@@ -94,6 +104,10 @@ POINT_TYPES: Mapping[str, PointType] = MappingProxyType(
     }
 )  # fmt: skip
 
+# The type of a branch's points at which hits become infinitely many. On a TR locus its letters name Chenciner points.
+ACCUMULATION = "CH"
+_CHATTER = PointType("accumulation of hits (chatter)", "accumulation of hits", "X", _GREEN, _ORBIT, size=6.0)
+
 # Types of special points at which the signature of an orbit changes.
 CHANGES = tuple(name for name, known in POINT_TYPES.items() if known.changes)
 
@@ -106,3 +120,25 @@ def on_branches(kind: str) -> tuple[str, ...]:
 def loci_through(kind: str) -> Mapping[str, str]:
     """Return the types of points through which a kind of solution has loci, each with the type of its locus."""
     return {name: known.locus or name for name, known in POINT_TYPES.items() if kind in known.loci}
+
+
+def accumulates(type: str, locus: str) -> bool:
+    """Return whether a special point of a type, on a branch or on a locus of some type, is an accumulation of hits."""
+    return type == ACCUMULATION and not locus
+
+
+def type_on(name: str, locus: str = "") -> PointType | None:
+    """Return what is known of a type of special points of a branch, or of a locus of some type; None of users' events.
+
+    Examples
+    --------
+    >>> type_on("CH").meaning, type_on("CH", "TR").meaning
+    ('accumulation of hits (chatter)', 'Chenciner')
+    """
+    return _CHATTER if accumulates(name, locus) else POINT_TYPES.get(name)
+
+
+def meaning_of(name: str, locus: str = "") -> str:
+    """Return a type of special points in words; empty for users' events."""
+    known = type_on(name, locus)
+    return "" if known is None else known.meaning

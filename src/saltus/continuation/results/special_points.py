@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, overload
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.core.point_types import POINT_TYPES
+from saltus.continuation.core.point_types import accumulates, meaning_of
 from saltus.continuation.problems.ends.connection import Homoclinic
 from saltus.continuation.results.point_normal_forms import Critical, NoNormalForm, normal_form_at
 from saltus.continuation.results.point_sensitivities import Place, moved
@@ -48,10 +48,10 @@ class SpecialPoint(Generic[Solved]):
     Attributes
     ----------
     type : str
-        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``BE``, ``HOM``, ``SNIC``, ``EX`` or the
-        name of a user's event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of
-        another locus that meets it. `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of
-        equilibria.
+        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``BE``, ``HOM``, ``SNIC``, ``CH``,
+        ``EX`` or the name of a user's event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or
+        the type of another locus that meets it. `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list
+        those of equilibria.
     label : str
         The type with its number along the curve, as in ``SN1``.
     solution : PeriodicOrbit, Equilibrium or MapOrbit
@@ -72,6 +72,8 @@ class SpecialPoint(Generic[Solved]):
         - BT, GH, ZH, HH: what docs/theory/equilibria.md, "Loci", lists.
         - CP, GPD, CH: the coefficient of the normal form, over its size nearby.
         - R1 to R4: cosine of the multipliers' angle less that of the resonance.
+        - CH of a branch: the condition of docs/theory/chatter.md, "Where motions stop resting". The solution has
+          the hits that are followed one by one. What is left of its equations is what the others move.
         - EX: the derivative of the quantity by arclength.
         - Users' events: the quantity less the wanted value.
     position : float
@@ -81,8 +83,9 @@ class SpecialPoint(Generic[Solved]):
     varied : tuple of str
         The parameters that vary along the curve.
     of : str
-        Of a TP the parameter that turns, of an EX the quantity, of a BC the event that an equilibrium meets. Where a
-        GR locus meets another, the side of the grazing (``smaller`` or ``larger`` signature).
+        Of a TP the parameter that turns, of an EX the quantity, of a CH of a branch the event that hits. Of a BC the
+        event that an equilibrium meets. Where a GR locus meets another, the side of the grazing (``smaller`` or
+        ``larger`` signature).
     locus : str
         The type of the locus that the point belongs to; empty on a branch.
     tangent : ndarray, shape (unknowns + 1,), or None
@@ -211,6 +214,8 @@ class SpecialPoint(Generic[Solved]):
         Any other point has a `NoNormalForm`, whose ``reason`` says why: its type has none, or several eigenvalues are
         critical at once.
         """
+        if accumulates(self.type, self.locus):
+            return NoNormalForm(self.type, "hits become infinitely many there; it is no bifurcation of one signature")
         return normal_form_at(self.solution, Critical(self.type, self.label, self.varied, self.scale))
 
     def sensitivity(self, parameters: Sequence[str] | None = None) -> xr.Dataset:
@@ -263,7 +268,8 @@ class SpecialPoint(Generic[Solved]):
         return xr.Dataset({along: ("parameter", slopes, attributes)}, {"parameter": list(others)})
 
     def __repr__(self) -> str:
-        meaning = f", {POINT_TYPES[self.type].meaning}" if self.type in POINT_TYPES else ""
+        known = meaning_of(self.type, self.locus)
+        meaning = f", {known}" if known else ""
         if self.type == "HB" and not self.solution.at_rest:
             meaning += ": the cycle shrinks to an equilibrium"
         if self.multiplicity > 1:

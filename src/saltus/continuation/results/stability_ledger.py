@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
+from saltus.continuation.core.point_types import CHANGES, POINT_TYPES, accumulates
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.spectrum import NEUTRAL
 from saltus.scales import (
@@ -139,7 +139,7 @@ def critical_rows(curve: Any, counts: NDArray[np.int64] | None) -> NDArray[np.bo
 
 def _wide(point: Any) -> int:
     """Return how many points beside a special point may have the values of its other side."""
-    return 1 if point.type in (*CHANGES, "BE") else 0
+    return 1 if point.type in (*CHANGES, "BE") or accumulates(point.type, point.locus) else 0
 
 
 def _explained(curve: Any, between: list[Any], change: int, slack: int) -> bool | None:

@@ -272,12 +272,7 @@ def _unstable_at(branch: OrbitZeroProblem, point: Point, old: Point) -> int | No
 def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
     """Return whether impacts that accumulate could have been summed up two of them before: the last ones are rounding.
 
-    Parameters
-    ----------
-    problem : OrbitProblem
-        Equations of the orbit.
-    u : ndarray, shape (size + 1,)
-        Its unknowns, and the parameter.
+    problem, u: equations of the orbit; its unknowns, and the parameter.
     """
     system, signature, condition = problem.system, problem.signature, np.empty(1)
     sums = [i for i, k in enumerate(signature.transitions) if k >= 0 and system.transitions[k].sums]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
-from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
+from saltus.continuation.core.point_types import ACCUMULATION, CHANGES, POINT_TYPES
 from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
 from saltus.continuation.problems.changes import type_of_change
 from saltus.continuation.problems.ends.accumulating import accumulating
@@ -35,7 +35,9 @@ from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.runs import beyond
+from saltus.continuation.runs.chattering import accumulation_between, ended_at, from_accumulation
 from saltus.continuation.runs.closed_points import points_when_closed, unless_followed
+from saltus.continuation.runs.columns import orbit_columns
 from saltus.continuation.runs.copies import copied
 from saltus.continuation.runs.excursion import adding_sliding_ahead
 from saltus.continuation.runs.on_faces import within_faces
@@ -45,7 +47,7 @@ from saltus.continuation.runs.pieces import in_more_pieces
 from saltus.continuation.runs.run import Going
 from saltus.continuation.runs.seen import seen_beyond
 from saltus.continuation.runs.to_homoclinic import end_unbounded
-from saltus.continuation.runs.two_sided import BothSides, Found, OneSide
+from saltus.continuation.runs.two_sided import Found, OneSide
 from saltus.errors import InputError
 from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -61,16 +63,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["OrbitRun", "orbit_columns"]
-
-_SURVEYED = "admissible", "residual", "implicit", "lows", "highs", "means", "harmonics"  # columns that surveys have
+__all__ = ["OrbitRun"]
 
 
 class OrbitRun(OneParameterRun):
     """One call of `continue_branch` from a periodic orbit; see `OneParameterRun`."""
 
     odd = OrbitZeroProblem.odd
-    types: ClassVar[tuple[str, ...]] = BIFURCATIONS
+    types: ClassVar[tuple[str, ...]] = (*BIFURCATIONS, ACCUMULATION)
     solution: PeriodicOrbit
     fixed: Fixed | None = None
 
@@ -203,8 +203,16 @@ class OrbitRun(OneParameterRun):
         family = self.solution.fixed is not None and self.solution.fixed.family
         return "the orbit is one of a family: vary a quantity, as 'period'" if family else ""
 
+    def _followed(self, half: OneSide, piece: OrbitZeroProblem, point: Point, step: float | None) -> str | Going:
+        ended = super()._followed(half, piece, point, step)
+        return ended if isinstance(ended, str) else accumulation_between(self, half, ended)
+
     def stuck(self, half: OneSide, piece: OrbitZeroProblem, last: Point, reason: str) -> str | Going:
         """See `Run.stuck`."""
+        if (hits := self._hits(half, reason)) and (
+            again := from_accumulation(self, half, half.points[-1], hits)
+        ) is not None:
+            return again
         if (added := self._excursion_ends(half)) is not None:
             return added
         if (birth := self.halved(piece, last)) is not None:  # next to a rest signs of folds are rounding
@@ -232,7 +240,7 @@ class OrbitRun(OneParameterRun):
         half.points.append((fresh, event.point))
         if "AS" in self.stops:
             return f"{self.place(event.point)}: {POINT_TYPES['AS'].meaning}"
-        return fresh, later, self._first_step
+        return fresh, later, self.first_step
 
     def closes(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> bool:
         """See `Run.closes`; special points of the last step beyond the start are those of the first one."""
@@ -262,18 +270,22 @@ class OrbitRun(OneParameterRun):
             return f"{self.place(point)}: {swollen}"
         if (again := beyond.parted(piece, point, self.equations)) is not None:
             half.points.pop()
-            return *again, self._first_step
+            return *again, self.first_step
         late = beyond.summed_late(piece.problem, point.u)
-        again = seen_beyond(piece, point, self.equations, self._wide, ways=(1.0,), rounds=2) if late else None
+        again = seen_beyond(piece, point, self.equations, self.wide, ways=(1.0,), rounds=2) if late else None
         if again is not None:
-            return *again, self._first_step
+            return *again, self.first_step
         return self._cut(half, piece, point)
 
     def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:
         """Return why no step succeeds behind the last point; `item` if nothing better is known."""
         known = meets_two_fold(half.points) or too_stiff(branch.problem) or swells_at_last(half.points)
-        hits = accumulating(*half.points[-1]) if half.points and "not admissible" in item else None
+        hits = self._hits(half, item)
         return known or vanishes_at_last(half.points) or (f"{hits}; {item}" if hits else item)
+
+    def _hits(self, half: OneSide, reason: str) -> str | None:
+        """Return in words that hits accumulate where no step succeeds, for a reason; None where they do not."""
+        return accumulating(*half.points[-1]) if half.points and "not admissible" in reason else None
 
     def _unbounded(self, half: OneSide) -> tuple[str, bool]:
         """Look for a homoclinic orbit at the end of a branch; return why it ends there, and whether there is one."""
@@ -325,14 +337,19 @@ class OrbitRun(OneParameterRun):
             half.specials.append(replace(self.found("BE", branch, event, half), of=shrunk.kind))
             return self.ends(half, branch, point, shrunk.told)
         if (hits := beyond.accumulated(branch, event)) is not None:
+            if (again := from_accumulation(self, half, (branch, point), hits)) is not None:
+                return again
             point.examined = beyond.without_rounding(point.examined)
             return self.ends(half, branch, point, hits)
         way = beyond.leaving(branch, event)
         if beyond.sums_up(branch.problem, way):
             half.points.append((branch, point))
-            again = seen_beyond(branch, point, self.equations, self._wide, ways=(1.0,), rounds=2)
-            inexact = "the sum of the impacts that accumulate is no longer exact"
-            return f"{self.place(point)}: {inexact}" if again is None else (*again, self._first_step)
+            seen = seen_beyond(branch, point, self.equations, self.wide, ways=(1.0,), rounds=2)
+            if seen is not None:
+                return *seen, self.first_step
+            told = "the sum of the impacts that accumulate is no longer exact"
+            ended = from_accumulation(self, half, (branch, point), told)
+            return ended or f"{self.place(point)}: {told}"
         found = (beside := neighbours(branch.problem, way, point.u))[0]
         name = type_of_change(branch.problem, way, point.u, found)
         # an excursion's duration and the rate at its end vanish at once there: either may have been located
@@ -346,7 +363,7 @@ class OrbitRun(OneParameterRun):
         self._drop_shadows(half, branch, point)
         exchanged = beyond.exchanged_freely(branch, way, found, point, self.equations)
         if exchanged is not None:  # independent events: the orbit and its derivative pass on
-            return *exchanged, self._first_step
+            return *exchanged, self.first_step
         half.specials.append(self.found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.equations(found.signature, found.u)
@@ -359,20 +376,20 @@ class OrbitRun(OneParameterRun):
         what = POINT_TYPES[name].meaning
         went = beyond.gone_on(beside, branch.problem, point, self.equations)
         if isinstance(went, str) and (name != "GR" or (way.kind == "margin" and len(beside) > 1)):
-            went = seen_beyond(branch, point, self.equations, self._wide) or went
+            went = seen_beyond(branch, point, self.equations, self.wide) or went
         if isinstance(went := unless_followed(half, went), str):
-            return f"{self.place(point)}: {what}, {went}"
+            return ended_at(self, half, (branch, point), f"{what}, {went}")
         if name != "GR" and beyond.turns_back(half.points, went[1]):
             half.specials[-1] = replace(half.specials[-1], of="non-smooth fold")
-        return *went, self._first_step
+        return *went, self.first_step
 
     @property
-    def _wide(self) -> float:
+    def wide(self) -> float:
         """The parameter's interval, in its unit."""
         return self.interest.high - self.interest.low
 
     @property
-    def _first_step(self) -> float:
+    def first_step(self) -> float:
         """The first step behind a change of signature."""
         return min(self.control.initial, 1e-3)
 
@@ -390,7 +407,7 @@ class OrbitRun(OneParameterRun):
             return False
         last = half.specials[-1]
         apart = abs(last.solution.parameters[self.name] - point.parameter * self.scale)
-        return last.after >= len(half.points) - 2 and apart < FOLD_SHADOW * self._wide * self.scale
+        return last.after >= len(half.points) - 2 and apart < FOLD_SHADOW * self.wide * self.scale
 
     def found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
         """See `OneParameterRun.found`."""
@@ -406,24 +423,6 @@ class OrbitRun(OneParameterRun):
             tangent = (last if last.u.size == point.u.size else point).tangent
             tangent = np.append(tangent[: branch.problem.size], tangent[-1])
         return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)
-
-
-def orbit_columns(joined: BothSides) -> dict[str, Any]:
-    """Return the fields of `OrbitCurve` that a branch and a locus fill in the same way."""
-    first = joined.rows[0][0].problem
-    states, n = len(first.system.states), first.n
-    forms = list(dict.fromkeys(piece.problem.signature for piece, _ in joined.rows))
-    data = [point.examined.data for _, point in joined.rows]
-    return {
-        "x0": np.array([d.survey.x0[:states] for d in data]),
-        "multipliers": np.array([d.multipliers for d in data]),
-        "stable": np.array([d.unstable == 0 for d in data]),
-        "period": np.array([point.u[n : piece.problem.size : n + 1].sum() for piece, point in joined.rows]),
-        **{name: np.array([getattr(d.survey, name) for d in data]) for name in _SURVEYED},
-        "forms": tuple(forms),
-        "form": np.array([forms.index(piece.problem.signature) for piece, _ in joined.rows]),
-        "unknowns": tuple(point.u[: piece.problem.size] for piece, point in joined.rows),
-    }
 
 
 def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:

@@ -17,8 +17,8 @@ from saltus.continuation.problems.ends.closure import alongside, passes
 from saltus.continuation.problems.grazing import neighbour
 from saltus.continuation.problems.orbit_locus import LocusZeroProblem
 from saltus.continuation.results.locus import Locus
+from saltus.continuation.runs.columns import orbit_columns
 from saltus.continuation.runs.field_roots import rooted_modes
-from saltus.continuation.runs.orbit import orbit_columns
 from saltus.continuation.runs.two_parameters import TwoParameterRun, locus_run
 from saltus.continuation.runs.two_sided import Found, OneSide
 from saltus.errors import InputError

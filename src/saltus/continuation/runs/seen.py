@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.signature import Survey
 
-__all__ = ["seen_beyond"]
+__all__ = ["apart", "seen_beyond"]
 
 Beyond: TypeAlias = tuple[OrbitZeroProblem, Point]
 Equations: TypeAlias = "Callable[..., OrbitZeroProblem]"
@@ -130,7 +130,7 @@ def _admitted(fresh: OrbitZeroProblem, beside: Neighbour, old: Point, sign: floa
     point.examined = fresh.examine(point, None)
     if point.examined.data is None:
         return None
-    if not _apart(fresh, point, old) < EXTREMES_BEYOND or not beyond_changes(fresh.problem, point):
+    if not apart(fresh, point, old) < EXTREMES_BEYOND or not beyond_changes(fresh.problem, point):
         return None
     return point if _comes_near(fresh, point, old) else None
 
@@ -140,8 +140,8 @@ def _comes_near(fresh: OrbitZeroProblem, point: Point, old: Point) -> bool:
 
     At a quarter of the way, the distance is a half where it grows like a root, and the same where there is a jump.
     """
-    apart = _apart(fresh, point, old)
-    if apart <= SAME_POINT:
+    away = apart(fresh, point, old)
+    if away <= SAME_POINT:
         return True
     u, along = point.u.copy(), np.zeros(point.u.size)
     u[-1] = old.parameter + 0.25 * (point.parameter - old.parameter)
@@ -150,10 +150,10 @@ def _comes_near(fresh: OrbitZeroProblem, point: Point, old: Point) -> bool:
     if isinstance(closer, str):
         return False
     closer.examined = fresh.examine(closer, None)
-    return closer.examined.data is not None and _apart(fresh, closer, old) < NEARER * apart
+    return closer.examined.data is not None and apart(fresh, closer, old) < NEARER * away
 
 
-def _apart(fresh: OrbitZeroProblem, point: Point, old: Point) -> float:
+def apart(fresh: OrbitZeroProblem, point: Point, old: Point) -> float:
     """Return how far the extremes of an orbit beyond a change are from those at the change, over the states' sizes."""
     count = len(fresh.problem.system.states)
     return float(np.max(np.abs(_ranges(point, count) - _ranges(old, count)) / fresh.problem.state_scale[:count]))

@@ -26,7 +26,8 @@ def accumulating(branch: OrbitZeroProblem, point: Point, grazing: Monitor | None
     that it cannot be told which hits graze.
     """
     signature = branch.problem.signature.whole
-    if not any(_hits(branch, k, i, signature.transitions) for i, k in enumerate(signature.transitions)):
+    ends = signature.transitions
+    if not any(_hits(branch, k, i, ends) for i, k in enumerate(ends)):
         return None
     problem, u = whole(branch.problem, point.u)
     durations = u[: problem.size].reshape(problem.segments, problem.n + 1)[:, problem.n]
@@ -34,22 +35,25 @@ def accumulating(branch: OrbitZeroProblem, point: Point, grazing: Monitor | None
     slow = set(range(problem.segments))
     if grazing is not None:
         slow = {name.segment for name in without_speed(problem, u) if name != grazing}
-    for i, k in enumerate(signature.transitions):
+    for i, k in enumerate(ends):
         # the hop of segment i lies between two hits
         before = (i - 1) % problem.segments
         shorter = durations[i] < durations[before] and speeds[i] < speeds[before] and i in slow
         short = shorter and durations[i] < EXCURSION_SHORT * float(durations.sum())
-        if short and _hits(branch, k, i, signature.transitions):
-            name = problem.system.transitions[k].name
-            return f"hits of {name!r} accumulate, and the motion comes to rest: `rests=` names a mode for it"
+        if short and _hits(branch, k, i, ends):
+            own = problem.system.transitions[k]
+            told = f"hits of {own.name!r} accumulate"
+            if not any(other.sums and other.event == own.event for other in problem.system.transitions):
+                return f"{told}, and the motion comes to rest: `rests=` names a mode for it"
+            if grazing is None:  # where a hit grazes, one more comes before others are summed up
+                return told
     return None
 
 
 def _hits(branch: OrbitZeroProblem, k: int, i: int, ends: tuple[int, ...]) -> bool:
-    """Return whether segment i lies between two hits of one transition back into its mode, which are not summed up."""
+    """Return whether segment i lies between two hits of one transition back into its mode."""
     system, kinds = branch.problem.system, branch.problem.signature.whole.kinds
     if k < 0 or ends[i - 1] != k or kinds[i] not in (EVENT_END, MEAN_END) or len(ends) < 2:
         return False
     own = system.transitions[k]
-    summed = any(other.sums and other.event == own.event for other in system.transitions)
-    return own.source == own.target and bool(own.reset) and not summed
+    return own.source == own.target and bool(own.reset) and not own.sums

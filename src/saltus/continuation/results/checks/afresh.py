@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.core.point_types import ACCUMULATION
 from saltus.errors import SaltusError
 from saltus.flow.motion import EventDrivenMotion
 from saltus.orbits.signature import CUT_END
@@ -49,8 +50,15 @@ def afresh(curve: Any) -> tuple[list[tuple[float, str]], int]:
 def _told(curve: Any, i: int) -> bool:
     """Return whether an orbit of a curve is called admissible and has events; its flights may be in pieces."""
     form = curve.forms[curve.form[i]]
+    if any(point.type == ACCUMULATION and point.value(curve.varied[0]) == curve.values[i] for point in _ends(curve)):
+        return False  # of its hits some are left out
     hits = max(form.transitions) >= 0 and CUT_END not in form.kinds
     return bool(hits and curve.admissible[i] and not curve.implicit[i])
+
+
+def _ends(curve: Any) -> list[Any]:
+    """Return the special points of a branch; of a locus none, on which the letters of an accumulation mean another."""
+    return list(curve.special_points) if len(curve.varied) == 1 else []
 
 
 class _Orbit:

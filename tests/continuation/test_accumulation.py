@@ -1,0 +1,181 @@
+"""Where hits become infinitely many: located points against motions of exact flights, and what lies beyond them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import saltus
+from selection import guarding
+
+CLOSE = 1e-9  # of a parameter located by bisection of motions, which tell it to 1e-11 or so
+PRELOADED = 2.184239668172  # the force below which a mass with e = 0.2 rests on its stop, by motions of exact flights
+
+
+@dataclass(frozen=True)
+class Mass:
+    """A mass that a constant force p presses to a stop at 0, driven by F cos(w t): its flights are in closed form."""
+
+    e: float  # restitution
+    p: float
+    w: float
+
+    def system(self, rests: bool) -> saltus.HybridSystem:
+        """Return the definition, with a mode in which the mass rests or without one."""
+        own = {"rests": "rest"} if rests else {}
+        modes = {"fly": saltus.Mode({"x": "v", "v": "-p + F*cos(th)"})}
+        transitions = [saltus.Transition("fly", "fly", "x", -1, {"v": "-e*v"}, name="hit", **own)]
+        if rests:
+            modes["rest"] = saltus.Mode({"x": "0", "v": "0"}, surface="x")
+            transitions.append(saltus.Transition("rest", "fly", "-p + F*cos(th)", 1, name="leave"))
+        values = {"F": 2.5 * self.p, "e": self.e, "p": self.p, "w": self.w}
+        return saltus.HybridSystem(("x", "v"), values, modes, transitions, phase=("th", "w"))
+
+    def flight(self, v: float, at: float, force: float) -> tuple[float, float] | None:
+        """Return phase and velocity at the next hit, of a flight from the stop at a phase; in units of p and 1/w."""
+
+        def height(u: float) -> float:  # over the time
+            if abs(u) < 1e-3:
+                c, s = math.cos(at), math.sin(at)
+                series = (c - 1.0 / force) / 2.0, -s / 6.0, -c / 24.0, s / 120.0
+                return v + force * sum(part * u ** (k + 1) for k, part in enumerate(series))
+            return v - u / 2.0 - (force * (math.cos(at + u) - math.cos(at)) + force * math.sin(at) * u) / u
+
+        times = np.concatenate([np.geomspace(1e-12, 1e-2, 200), np.linspace(1e-2, 8.0 * math.pi, 6000)[1:]])
+        heights = [height(float(u)) for u in times]
+        begun = next((i for i, value in enumerate(heights) if value > 0.0), None)
+        if begun is None:
+            return None
+        end = next((i for i in range(begun, len(times)) if heights[i] < 0.0), None)
+        if end is None:
+            return None
+        u = brentq(height, times[end - 1] if end > begun or end == 0 else 1e-16, times[end], xtol=1e-300, rtol=1e-15)
+        return at + u, v - u + force * (math.sin(at + u) - math.sin(at))
+
+    def accumulates_at(self, low: float, high: float) -> float:
+        """Return the force between two at which a mass that leaves the stop does not come to rest before it again."""
+        low, high = low / self.p, high / self.p
+        rests = self.rests(low)
+        assert rests != self.rests(high)
+        while high - low > 1e-13:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.rests(middle) == rests else (low, middle)
+        return 0.5 * (low + high) * self.p
+
+    def rests(self, force: float) -> bool:
+        """Return whether a mass that leaves the stop comes to rest before the force pushes it off again."""
+        release = math.acos(1.0 / force)
+        at, v, end = -release, 0.0, 2.0 * math.pi - release
+        for _ in range(2000):
+            met = self.flight(v, at, force)
+            if met is None or met[0] >= end:
+                return False
+            at, v = met[0], -self.e * met[1]
+            pull, left = 1.0 - force * math.cos(at), end - at
+            if 2.0 * v / (pull * (1.0 - self.e)) < 1e-3 * left:
+                return True
+            if v > pull * left:  # no parabola of the pull at its start comes back before the release
+                return False
+        return False
+
+
+def above(mass: Mass, rests: bool, share: float) -> saltus.PeriodicOrbit:
+    """Return an orbit with one hit a period, at a force over that of its fold."""
+    force, turn = share * math.pi * (1.0 - mass.e) / (1.0 + mass.e) * mass.p, 2.0 * math.pi / mass.w
+    v = mass.e * mass.p * turn / (1.0 + mass.e)
+    # over a period x(T) = v T - p T^2/2 - F sin(th) T/w vanishes
+    phase = math.asin(mass.w * (v - mass.p * turn / 2.0) / force)
+    return saltus.solve_orbit(mass.system(rests), {"F": force}, segments=[("fly", "hit", [0.0, v, phase], turn)])
+
+
+def points(branch: saltus.Branch) -> list[float]:
+    return [point.parameters["F"] for point in branch.special_points if point.type == "CH"]
+
+
+@pytest.mark.parametrize("step", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("rests", [True, False])
+def test_hits_accumulate_at_the_same_force_from_orbits_that_hit(rests: bool, step: float) -> None:
+    steps = saltus.StepControl(initial=0.01 * step, largest=0.05 * step)
+    branch = saltus.continue_orbit(above(Mass(0.2, 1.0, 1.0), rests, 1.4), "F", (1.2, 3.5), steps=steps)
+    (found,) = points(branch)
+    assert found == pytest.approx(PRELOADED, rel=1e-11)
+    assert not branch.audit.breaches, branch.audit
+    if not rests:
+        end = next(reason for reason in branch.stopped if "bound" not in reason)
+        assert "hits of 'hit' accumulate" in end
+        assert "`rests=` names a mode" in end
+        assert found in branch.values[[0, -1]]
+    else:
+        assert branch.stopped == ("F = 1.2: bound reached", "F = 3.5: bound reached")
+        assert ("fly", "hit_last") in branch.solution(int(np.argmin(branch.values))).signature
+
+
+@pytest.mark.parametrize("step", [0.1, 1.0, 10.0])
+def test_hits_accumulate_at_the_same_force_from_orbits_that_rest(step: float) -> None:
+    mass, steps = Mass(0.2, 1.0, 1.0), saltus.StepControl(initial=0.01 * step, largest=0.05 * step)
+    orbit = saltus.find_orbit(mass.system(True), {"F": 1.8}, x0=[1.0, 1.0])
+    branch = saltus.continue_orbit(orbit, "F", (1.2, 3.0), steps=steps)
+    (found,) = points(branch)
+    assert found == pytest.approx(PRELOADED, rel=1e-11)
+    assert branch.values.min() == 1.2
+    assert branch.values.max() == 3.0
+
+
+def test_hits_accumulate_where_motions_of_exact_flights_stop_resting() -> None:
+    mass = Mass(0.2, 1.0, 1.0)
+    assert mass.accumulates_at(2.18, 2.19) == pytest.approx(PRELOADED, rel=1e-11)
+
+
+def test_a_branch_ends_at_an_accumulation_where_it_is_asked_to() -> None:
+    branch = saltus.continue_orbit(above(Mass(0.2, 1.0, 1.0), True, 1.4), "F", (1.2, 3.5), stop_at="CH")
+    assert "F = 2.18423967: accumulation of hits (chatter)" in branch.stopped
+    assert "accumulation of hits (chatter) of hit" in repr(branch["CH1"])
+
+
+def test_an_accumulation_has_no_locus_and_no_normal_form() -> None:
+    branch = saltus.continue_orbit(above(Mass(0.2, 1.0, 1.0), False, 1.4), "F", (1.2, 3.5))
+    with pytest.raises(saltus.InputError, match="an accumulation of hits has no locus"):
+        saltus.continue_locus(branch["CH1"], ("F", "e"), {"F": (1.2, 3.5), "e": (0.1, 0.3)})
+    assert "hits become infinitely many" in branch["CH1"].normal_form.reason
+    with pytest.raises(saltus.InputError, match="type = 'CH'"):
+        branch["CH1"].sensitivity()
+
+
+def test_hits_on_a_moving_table_accumulate_as_on_a_stop_under_the_force_of_its_acceleration() -> None:
+    # in the frame of a table a sin(th) the ball is pressed by 1 and driven by a sin(th)
+    table = "z - a*sin(th)"
+    ball = saltus.HybridSystem(
+        ("z", "v"), {"a": 2.2, "e": 0.2}, {"fly": saltus.Mode({"z": "v", "v": "-1"})},
+        [saltus.Transition("fly", "fly", table, -1, {"v": "-e*v + (1 + e)*a*cos(th)"}, name="hit")], phase=("th", "1"),
+    )  # fmt: skip
+    branch = saltus.continue_orbit(saltus.find_orbit(ball, x0=[2.0, 2.0]), "a", (1.02, 4.0))
+    (found,) = [point.parameters["a"] for point in branch.special_points if point.type == "CH"]
+    assert found == pytest.approx(PRELOADED, rel=1e-11)
+
+
+def random_mass(seed: int) -> Mass:
+    rng = np.random.default_rng([seed, 31])
+    return Mass(float(rng.uniform(0.05, 0.9)), float(10.0 ** rng.uniform(-3, 3)), float(10.0 ** rng.uniform(-2, 2)))
+
+
+@pytest.mark.parametrize("seed", guarding(range(50), 0, 2, campaign=8))
+def test_random_masses_that_hit_accumulate_where_their_motions_stop_resting(seed: int) -> None:
+    mass = random_mass(seed)
+    if mass.e > 0.45:
+        pytest.skip("the branch of orbits with one hit a period does not come to rest")
+    interval = 1.02 * mass.p, 6.0 * mass.p
+    (found,) = points(saltus.continue_orbit(above(mass, bool(seed % 2), 1.15), "F", interval))
+    assert mass.accumulates_at(0.9999 * found, 1.0001 * found) == pytest.approx(found, rel=CLOSE)
+
+
+@pytest.mark.parametrize("seed", guarding(range(50), 3, 5, campaign=4))
+def test_random_masses_that_rest_do_so_up_to_where_their_hits_accumulate(seed: int) -> None:
+    mass = random_mass(seed)
+    steps = saltus.StepControl(max_points=400)
+    orbit = saltus.find_orbit(mass.system(True), {"F": 1.05 * mass.p}, x0=[mass.p / mass.w**2, 0.0])
+    (found,) = points(saltus.continue_orbit(orbit, "F", (1.02 * mass.p, 6.0 * mass.p), steps=steps, stop_at="CH"))
+    assert mass.accumulates_at(0.9999 * found, 1.0001 * found) == pytest.approx(found, rel=CLOSE)
