@@ -11,7 +11,16 @@ import pytest
 
 import systems
 from oracles.closed_forms import LOGISTIC, ImpactOrbit, TableJump, logistic_cycle
-from saltus import ConvergenceError, HybridSystem, InputError, Mode, Transition, find_orbit
+from saltus import (
+    ConvergenceError,
+    HybridSystem,
+    InputError,
+    Mode,
+    Transition,
+    filippov,
+    find_orbit,
+    simulate,
+)
 
 
 def test_a_forced_motion_settles_on_the_closed_form():
@@ -185,3 +194,20 @@ def test_a_start_behind_a_wall_is_told_with_its_transition(unit):
         find_orbit(struck, x0=[2.0 * unit, 0.0])
     assert [one.filename for one in told] == [__file__]
     find_orbit(struck, x0=[unit, -0.5 * unit])
+
+
+@pytest.mark.parametrize(
+    "pull",
+    ["0.9 - x**2 - y**2", "0.96 - 2*(x**2 + y**2) + (x**2 + y**2)**2", "0.2"],
+    ids=["cubic", "quintic", "linear"],
+)
+def test_a_decay_below_the_smallest_numbers_comes_to_rest(pull):
+    above = {"x": f"-x*({pull}) - y", "y": f"-y*({pull}) + x"}
+    system = filippov(("x", "y"), {}, surface="y + 1", above=above, below={"x": "1", "y": "1"})
+    with pytest.raises(ConvergenceError, match="comes to rest in mode 'above' at x = 0, y = 0, an equilibrium"):
+        find_orbit(system, x0=[0.5, 0.0])
+
+
+def test_what_grows_from_next_to_the_smallest_numbers_goes_on_growing():
+    growing = HybridSystem.smooth({"x": "x - x**3"}, {})
+    assert simulate(growing, {}, [1e-300], t_end=800.0).x_end == pytest.approx([1.0], abs=1e-9)

@@ -16,7 +16,7 @@ from saltus.flow.kernels.landing import Room, first_event
 from saltus.flow.kernels.order import NEVER
 from saltus.flow.kernels.polynomial import DEPTH, ROOTS
 from saltus.flow.kernels.rooted import behind_root, passes_root, under_root
-from saltus.flow.kernels.rounded import starts_flat
+from saltus.flow.kernels.rounded import UNDERFLOW, starts_flat
 from saltus.flow.kernels.shares import diverged
 from saltus.flow.kernels.side import EventEnds, SideRoom, side_after
 from saltus.flow.kernels.state import (
@@ -200,10 +200,20 @@ def _underflows(numbers):
 def _go_on(system, state, mode, stride, t_end, crossings, ends, room):
     """Take the state to the end of a step without an event; a status."""
     n, x, slopes, numbers = system.n, state.x, state.slopes, state.numbers
+    shares, gone = numbers_at(system.addresses[SHARES]), False
     for e in range(n):
-        state.size[e] = max(abs(x[e]), abs(room.x_end[e]), stride.h * abs(slopes[e]))
-        x[e] = room.x_end[e]
+        end = room.x_end[e]
+        state.size[e] = max(abs(x[e]), abs(end), stride.h * abs(slopes[e]))
+        # what decays below the numbers with digits would stay at the least of them: it rests, unless only relative
+        # errors count for it
+        lost = (
+            abs(end) < UNDERFLOW and end != 0.0 and abs(end) <= abs(x[e]) and e < system.n_states and shares[e] == 1.0
+        )
+        gone = gone or lost
+        x[e] = 0.0 if lost else end
         slopes[e] = slopes[12 * n + e]
+    if gone:
+        call(system.addresses[FIELD], mode, 0, x, 0, system.p, slopes, 0)
     advance(numbers, stride.h)
     if stride.ends and stride.last:
         numbers[T], numbers[T_LOW] = t_end, 0.0

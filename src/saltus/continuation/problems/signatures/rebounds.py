@@ -68,18 +68,24 @@ def rebound(problem: OrbitProblem, name: Monitor, start: int, rate: float) -> fl
     rate : float
         That of the event before the reset.
     """
-    n, k, compiled = problem.n, name.transition, problem.system.compiled
-    x, event, field, held = problem.state_on(start, 0.0), np.empty(2 + 2 * n), np.empty(n), np.empty(1)
-    compiled.call("event_x", k, 0, x, problem.extended, event)
-    if rate == 0.0 or not abs(event[0]) <= ON_SURFACE * float(np.abs(event[2 : 2 + n]) @ problem.state_scale):
+    k, x, event = name.transition, problem.state_on(start, 0.0), np.empty(2)
+    problem.system.compiled.call("event", k, 0, x, problem.extended, event)
+    after = float(event[1])
+    if not abs(after) <= abs(rate) > 0.0:
         return math.nan
-    compiled.call(
-        "field", problem.system.mode_index(problem.system.transitions[k].source), 0, x, problem.extended, field
-    )
+    far = 2.0 * abs(after) > abs(rate)  # whether an event can follow is asked where one soon would
+    return after / rate if far or _may_follow(problem, k, x) else math.nan
+
+
+def _may_follow(problem: OrbitProblem, k: int, x: NDArray[np.float64]) -> bool:
+    """Return whether a motion that leaves a state slowly comes back to the surface of an event that then happens."""
+    n, compiled, transition = problem.n, problem.system.compiled, problem.system.transitions[k]
+    event, field, held = np.empty(2 + 2 * n), np.empty(n), np.empty(1)
+    compiled.call("event_x", k, 0, x, problem.extended, event)
+    compiled.call("field", problem.system.mode_index(transition.source), 0, x, problem.extended, field)
     compiled.call("guard", len(problem.system.modes) + k, 0, x, problem.extended, held)
-    bend, direction = float(event[2 + n :] @ field), problem.system.transitions[k].direction
-    meets = held[0] > 0.0 and direction * bend >= 0.0 and abs(float(event[1])) <= abs(rate)
-    return float(event[1]) / rate if meets else math.nan
+    lands = abs(event[0]) <= ON_SURFACE * float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
+    return bool(lands and held[0] > 0.0 and transition.direction * float(event[2 + n :] @ field) >= 0.0)
 
 
 def born_behind(problem: OrbitProblem, blocks: NDArray[np.float64], names: Sequence[Monitor]) -> Found | str:
