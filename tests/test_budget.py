@@ -26,7 +26,7 @@ KEPT = {
     "continuation/problems/ends/homoclinic.py: _NEAREST": "step",
     "continuation/problems/extents.py: _ROUNDED": "step",
     "continuation/runs/beyond.py: _CLOSER": "guess",
-    "continuation/runs/beyond.py: _PROBES": "guess",
+    "continuation/runs/seen.py: _PROBES": "guess",
     "continuation/runs/branching.py: _SHIFTS": "guess",
     "continuation/runs/excursion.py: _CONTROL": "step",
     "continuation/runs/field_roots.py: _ROOT_PLACES": "step",

@@ -12,24 +12,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.continuation.problems.ends.release import Accumulation, accumulation
 from saltus.orbits.common_sizes import newton_step
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.signature import EVENT_END, WHEN, Signature
 from saltus.scales import ACCUMULATION_SETTLED, EPS, HOP_ROUNDING, NEWTON_CONVERGED
-from saltus.system.accumulation import Accumulation, accumulation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["Accumulated", "accumulated_near", "hits_of"]
 
-_ITERATIONS = 12  # Newton steps, at most
 _GROWTH = 30.0  # of an error behind a hit, up to which further hits are followed before the orbit is solved again
 _HITS = 400  # hits that are followed one by one, at most
-_TRIED = 3  # hits from which the orbit is sought, those of the smallest conditions first
-_PARTS = 24  # steps of a hop that is followed for a guess
+_PARTS = 24  # steps of a hop that is followed for a guess, and of Newton's method, at most
 
 Row = tuple[int, int, "NDArray[np.float64]"]  # mode, transition, and state and duration of a segment
 
@@ -128,7 +126,7 @@ def _guesses(
     measured = [(i, x, known.values(x, p)) for i, x in behind]
     near = [item for item in measured if np.isfinite(item[2]).all() and item[2][1] > 0.0 and item[2][2] > 0.0]
     near = sorted(near, key=lambda item: abs(float(item[2][0])))
-    return [_rows(problem, known, (order, states), i, x, p) for i, x, _ in near[:_TRIED]]
+    return [_rows(problem, known, (order, states), i, x, p) for i, x, _ in near[: problem.n]]
 
 
 def _rows(
@@ -272,7 +270,7 @@ def _newton(problem: OrbitProblem, known: Accumulation, u: NDArray[np.float64], 
     n = problem.n
     if problem.start(u) is not None:
         return False
-    for _ in range(_ITERATIONS):
+    for _ in range(_PARTS):
         F, J = problem.evaluate(u)
         x, p = u[at * (n + 1) : at * (n + 1) + n], problem.parameters_at(u)
         value, slopes = known.values(x, p)[0], known.slopes(x, p)
