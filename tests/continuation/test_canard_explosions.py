@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import saltus
+from selection import guarding
 
 FOLDS = {0.08: 0.324178522504, 0.05: 0.311979818354}  # where motions of FitzHugh and Nagumo's neuron begin to die
 
@@ -49,3 +50,18 @@ def test_branch_is_the_same_from_both_ends_of_a_canard_explosion(rate):
 def test_fold_on_a_canard_is_where_simulated_cycles_begin_to_die(rate):
     assert swing(rate, FOLDS[rate] + 1e-9) > 3.0
     assert swing(rate, FOLDS[rate] - 1e-9) < 1e-3
+
+
+@pytest.mark.parametrize("rate", guarding([0.003, 0.002], 0.003))
+def test_relaxation_cycles_go_onto_a_canard_that_a_jump_ends(rate):
+    """What grows along the canard is forgotten behind the jump, and a long contraction before it hides it."""
+    field = {"x": "y - x**3/3 + x", "y": "e*(a - x)"}
+    start = saltus.find_orbit(saltus.HybridSystem.smooth(field, {"a": 0.5, "e": rate}), x0=[2.0, 0.0])
+    steps = saltus.StepControl(max_points=60)
+    branch = saltus.continue_orbit(start, "a", (-1.5, 1.5), directions="down", steps=steps)
+    assert branch.stopped[1].endswith("60 points")
+    # Benoit, Callot, Diener and Diener: the canard's parameter, in powers of the rate
+    canard = -1.0 + rate / 8.0 + 3.0 * rate**2 / 32.0 + 173.0 * rate**3 / 1024.0
+    assert branch.values[-1] == pytest.approx(canard, abs=2.0 * rate**4)
+    assert np.ptp(branch.values[-10:]) < 1e-11
+    assert np.ptp(branch.period[-10:]) > 1.0

@@ -43,6 +43,7 @@ __all__ = [
     "clustered",
     "cut",
     "cut_again",
+    "cut_within",
     "grows_within",
     "held",
     "in_shares",
@@ -122,6 +123,14 @@ def grows_within(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.fl
         if np.all(np.isfinite(grown)):  # eigenvalues, which no units of the states change
             most = max(most, float(np.abs(np.linalg.eigvals(grown)).max()))
     return most > STRETCHED
+
+
+def cut_within(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+) -> tuple[OrbitProblem, NDArray[np.float64]]:
+    """Return what `cut` does of an orbit that `grows_within`, in several pieces though little grows over all of it."""
+    finer = cut(problem, u, J)
+    return finer if finer[0].segments > problem.segments else _cut_for_growth(problem, u, J, _LOOKED)
 
 
 def _need(maps: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -233,25 +242,25 @@ def cut_again(
 
 
 def _cut_for_growth(
-    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], fewest: int = 1
 ) -> tuple[OrbitProblem, NDArray[np.float64]]:
     """Return what `cut` does, pieces cut for what grows alone."""
-    finer, moved = cut(problem, u, J, contraction=False)
+    finer, moved = cut(problem, u, J, fewest=fewest, contraction=False)
     finer.relaxes = True
     return finer, moved
 
 
 def _heads(maps: NDArray[np.float64], begins: Sequence[int]) -> list[int]:
-    """Return the first of each row of pieces that may be one, since little grows over all of them.
+    """Return the first of each row of pieces that may be one, since little grows over any of them.
 
     begins: pieces that no cut is before.
     """
-    heads, product = [0], maps[0]
+    heads, grown = [0], maps[:1]
     for i in range(1, len(maps)):
-        product = maps[i] @ product
-        if i in begins or not float(np.abs(product).max()) <= TAUT:
+        grown = np.concatenate([maps[i] @ grown, maps[i : i + 1]])  # contraction hides what grows behind it
+        if i in begins or not float(np.abs(grown).max()) <= TAUT:
             heads.append(i)
-            product = maps[i]
+            grown = maps[i : i + 1]
     return heads
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.orbit import OrbitZeroProblem
-from saltus.orbits.cuts import cut, cut_again, grows_within, squeezed, started_elsewhere, stretched
+from saltus.orbits.cuts import cut, cut_again, cut_within, grows_within, squeezed, started_elsewhere, stretched
 from saltus.orbits.problem import OrbitProblem
 from saltus.scales import EPS, ROUNDINGS
 
@@ -52,7 +52,7 @@ def in_more_pieces(
     if again is not None:
         problem, u = again
     elif grows_within(branch.problem, item.u, item.J):
-        problem, u = cut(branch.problem, item.u, item.J)
+        problem, u = cut_within(branch.problem, item.u, item.J)
     elif tense:
         elsewhere = started_elsewhere(branch.problem, item.u) if branch.problem.stiff else None
         problem, u = cut(branch.problem, item.u, item.J) if elsewhere is None else elsewhere
