@@ -84,3 +84,11 @@ HOP_ROUNDING = 1e-4
 
 # Change of a parameter, in its unit, by further hits, that is rounding of their heights.
 ACCUMULATION_SETTLED = 1e-13
+
+# Growth of an error behind a hit up to which further hits of an accumulation are followed before the orbit is solved
+# again: the guess is then within Newton's reach.
+FOLLOWED_GROWTH = 30.0
+
+# Points at the end of a branch that tell on which side of an accumulation its orbits are: some may lie beyond it by the
+# flow's error, and a branch that turned before has been on both sides.
+SIDE_POINTS = 24

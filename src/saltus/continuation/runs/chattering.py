@@ -14,7 +14,7 @@ from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.runs import beyond
 from saltus.continuation.runs.seen import apart, seen_beyond
 from saltus.continuation.runs.two_sided import Found, turned
-from saltus.scales import EXTREMES_BEYOND, SAME_POINT
+from saltus.scales import EXTREMES_BEYOND, SAME_POINT, SIDE_POINTS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,8 +53,6 @@ class Orbits(Protocol):
         """Return the orbit of a point."""
 
 
-_LAST = 24  # points of a branch that tell on which side of an accumulation its orbits are
-
 _Located: TypeAlias = tuple[Accumulated, OrbitZeroProblem, Point]
 
 
@@ -88,7 +86,7 @@ def _keep(run: Orbits, half: OneSide, located: _Located) -> Point:
     """
     found, fresh, there = located
     rows = [point.parameter - there.parameter for _, point in half.points]
-    side = max(rows[-_LAST:], key=abs)
+    side = max(rows[-SIDE_POINTS:], key=abs)
     while len(rows) > 1 and rows[-1] * side < 0.0:
         rows.pop()
         half.points.pop()

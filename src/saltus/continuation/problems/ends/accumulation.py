@@ -18,15 +18,13 @@ from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.signature import EVENT_END, WHEN, Signature
-from saltus.scales import ACCUMULATION_SETTLED, EPS, HOP_ROUNDING, NEWTON_CONVERGED
+from saltus.scales import ACCUMULATION_SETTLED, EPS, FOLLOWED_GROWTH, HOP_ROUNDING, NEWTON_CONVERGED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["Accumulated", "accumulated_near", "hits_of"]
 
-_GROWTH = 30.0  # of an error behind a hit, up to which further hits are followed before the orbit is solved again
-_HITS = 400  # hits that are followed one by one, at most
 _PARTS = 24  # steps of a hop that is followed for a guess, and of Newton's method, at most
 
 Row = tuple[int, int, "NDArray[np.float64]"]  # mode, transition, and state and duration of a segment
@@ -186,8 +184,8 @@ def _followed(
     near: OrbitProblem, known: Accumulation, rows: list[Row], parameter: float
 ) -> tuple[OrbitProblem, NDArray[np.float64], int, float, int] | None:
     """Return what `Accumulated` has of an orbit, without the impact, with as many hits as its place asks for."""
-    found, before = None, math.inf
-    while len(rows) < _HITS:
+    found, before, most = None, math.inf, math.inf
+    while len(rows) < most:
         solved = _solved(near, known, rows, parameter)
         if solved is None:
             return None if found is None else found
@@ -196,6 +194,7 @@ def _followed(
         behind = rows[place + 1][2][: problem.n]
         p = problem.parameters_at(u)
         value, left, _, growth, ratio = known.values(behind, p).tolist()
+        most = min(most, len(rows) + math.log(EPS) / math.log(ratio))  # the time left is rounding of the first one then
         found = problem, u, place + 1, float(value), first
         moved, before, parameter = abs(float(u[-1]) - before), float(u[-1]), float(u[-1])
         if moved <= ACCUMULATION_SETTLED * max(abs(parameter), 1.0):
@@ -203,7 +202,7 @@ def _followed(
         size = problem.event_size(known.last, behind)
         if EPS * size > HOP_ROUNDING * growth * left**3 * ratio:
             return found
-        rows = _further(problem, known, rows, p, max(1, int(math.log(_GROWTH) / math.log(_repels(ratio)))))
+        rows = _further(problem, known, rows, p, max(1, int(math.log(FOLLOWED_GROWTH) / math.log(_repels(ratio)))))
     return found
 
 
