@@ -77,3 +77,13 @@ def test_steps_along_a_branch_do_not_shrink_with_the_upstroke(peak):
         assert orbit.admissible
         # from the lower peak to 0 the upstroke takes less than 1e-6 of the period
         assert orbit.period == pytest.approx(settled_period(adaptive(0.0, {"I": current}), 1), rel=1e-6)
+
+
+def test_a_burst_from_which_a_spike_is_about_to_vanish_is_followed():
+    """Where a spike less is in a burst, a predicted duration may be negative."""
+    spike = Transition("m", "m", "V - 30", 1, {"V": "-50", "w": "w + 2"}, name="spike")
+    rates = {"V": "0.04*V**2 + 5*V + 140 - w + I", "w": "0.02*(0.2*V - w)"}
+    neuron = HybridSystem(("V", "w"), {"I": 10.0}, {"m": Mode(rates)}, [spike])
+    branch = continue_orbit(find_orbit(neuron, x0=[-65.0, -13.0]), "I", (8.0, 14.0))
+    assert branch.audit.passed
+    assert branch.values.max() == 14.0

@@ -168,7 +168,7 @@ def _late(problem: OrbitProblem, i: int, duration: float) -> _Late | None:
     event, field = np.empty(2 + 2 * n), np.empty(n)
     compiled.call("event_x", transition, 0, end, p, event)
     height, rate = float(event[0]), float(event[1])
-    if not (math.isfinite(height) and math.isfinite(rate) and rate != 0.0):
+    if not (math.isfinite(height) and math.isfinite(rate) and rate != 0.0 and duration > 0.0):
         return None
     straight = -height / rate
     if not _counts(straight, duration):
