@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import singledispatch
+from functools import partial, singledispatch
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -19,7 +19,8 @@ from saltus.orbits.common_sizes import newton_step
 from saltus.orbits.cuts import cut, held, started_elsewhere, stretched
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.guesses import check_size, check_states, read_guess
-from saltus.orbits.landed import Landed, before_poles, fitted, rounded, within_reach
+from saltus.orbits.landing.landed import Landed, before_poles, fitted, rounded, within_reach
+from saltus.orbits.landing.upstrokes import solved
 from saltus.orbits.maps import check_measured, piece_maps
 from saltus.orbits.observables.quantities import sizes_of_unknowns
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -32,7 +33,6 @@ from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 from saltus.orbits.soundness import sound_orbit
 from saltus.orbits.stability.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.stability.floquet import nontrivial, undecided
-from saltus.orbits.upstrokes import solved
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -325,7 +325,8 @@ def solve_unknowns(
     try:
         return _damped(problem, u, unfolded, patience)
     except ConvergenceError:
-        found = solved(problem, u, patience[0]) if unfolded is None else None
+        sizes = partial(sizes_of_unknowns, problem)
+        found = solved(problem, u, patience[0], sizes) if unfolded is None else None
         if found is None:
             raise
         return _accepted(problem, problem.evaluate, None, (found, problem.evaluate(found)[1]), problem.survey(found))

@@ -31,7 +31,6 @@ __all__ = ["events_between", "locate"]
 _ROOTED = 8  # places tried from which on the function is taken for a root of the distance from its zero
 _LONG = 6  # points corrected from which on the last two predict the next one, not the last alone
 _HALVED = 16  # the same, from which on the bracket is halved
-_FLAT = 1e-12  # least factor on the departure from the cubic through the ends of a step
 _FARTHER = 1e3  # how much farther a zero may move than the point at which it was sought
 
 
@@ -177,6 +176,7 @@ def locate(
     unit = unit or max(abs(fa), abs(fb))
     floor = problem.noise.get(name, MONITOR_ZERO) * unit
     previous, carried = math.inf, getattr(problem, "carried", None)
+    flat = 1e-2 if name in problem.singular else 1e-12  # least factor on the departure from the cubic
     for asked in range(60):
         base, tangent = hermite(a, b, length, s), hermite_slope(a, b, length, s)
         tangent /= math.sqrt(float(a.weights @ tangent**2))
@@ -186,7 +186,7 @@ def locate(
         row = a.weights * tangent
         F, J = problem.evaluate(u)
         if carried is not None and (further := carried(u, J)) is not None:
-            bend, u = bend + (further - u) / max(shape, _FLAT), further
+            bend, u = bend + (further - u) / max(shape, flat), further
             F, J = problem.evaluate(u)
         steps, sign, log, size, residual = bordered(J, F, row, u, u, scale)
         step = steps[:, 0]
@@ -203,7 +203,7 @@ def locate(
             return Event(name, point, 0.0)
         if sign == 0.0 or not size < 1e3:
             return None
-        bend = bend + step / max(shape, 1e-2 if name in problem.singular else _FLAT)
+        bend = bend + step / max(shape, flat)
         bends = [*[other for other in bends if abs(other[0] - s) > PLACES_ALIKE][-1:], (s, bend)]
         if not problem.accurate():
             continue

@@ -30,6 +30,7 @@ from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, d
 from saltus.continuation.problems.watching import Watched, beyond
 from saltus.orbits import records
 from saltus.orbits.correction import corrected
+from saltus.orbits.landing.upstrokes import carried
 from saltus.orbits.observables.gradients import slope_along
 from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.quantities import read_quantity
@@ -44,7 +45,6 @@ from saltus.orbits.stability.floquet import (
     passage,
     unstable_count,
 )  # fmt: skip
-from saltus.orbits.upstrokes import carried
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

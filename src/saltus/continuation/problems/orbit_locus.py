@@ -32,12 +32,12 @@ from saltus.continuation.problems.orbit_data import LocusData
 from saltus.continuation.problems.other_values import KIND, SEVERAL, multipliers_beside, without_critical
 from saltus.continuation.problems.phase_plane import astray, depart, log_of_crossings, solve_again
 from saltus.continuation.problems.retries import Retries
+from saltus.orbits.landing.upstrokes import carried
 from saltus.orbits.normal_forms import flip_coefficient
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
 from saltus.orbits.stability import floquet
 from saltus.orbits.stability.critical import Branching, Critical, Grazing
-from saltus.orbits.upstrokes import carried
 from saltus.scales import INFINITE, PARAMETER_RESTS, RESONANT, ROUGHEST, SAME_POINT, TOUCHED, TOUCHING
 
 if TYPE_CHECKING:

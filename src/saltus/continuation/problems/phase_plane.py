@@ -13,14 +13,13 @@ import numpy as np
 
 from saltus.algebraic.newton import REMESHED
 from saltus.continuation.core.zero_problem import correct
-from saltus.orbits.upstrokes import shows_last_step
+from saltus.orbits.landing.upstrokes import shows_last_step
 from saltus.scales import SHARPER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.core.zero_problem import Point, ZeroProblem
-    from saltus.continuation.problems.orbit import OrbitZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
 __all__ = ["astray", "depart", "log_of_crossings", "sharpen", "solve_again", "transferred"]
@@ -133,7 +132,7 @@ def solve_again(zero: ZeroProblem, problem: OrbitProblem, point: Point, u: NDArr
     return None
 
 
-def sharpen(zero: OrbitZeroProblem, problem: OrbitProblem, point: Point) -> None:
+def sharpen(zero: ZeroProblem, problem: OrbitProblem, point: Point) -> None:
     """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers.
 
     Where a surface is met so fast that this error shows there, it is corrected down to rounding.
@@ -143,10 +142,10 @@ def sharpen(zero: OrbitZeroProblem, problem: OrbitProblem, point: Point) -> None
         return
     from saltus.system.numba_tools.linear import bordered
 
-    row, before = point.weights * point.tangent, SHARPER
+    row, before, carried = point.weights * point.tangent, SHARPER, getattr(zero, "carried", None)
     for _ in range(1 if cut else _SHARPENED):
         F, J = zero.evaluate(point.u)
-        if not cut and (further := zero.carried(point.u, J)) is not None:
+        if not cut and carried is not None and (further := carried(point.u, J)) is not None:
             point.u = further
             F, J = zero.evaluate(further)
         steps, sign, log, size, residual = bordered(J, F, row, point.u, point.u, zero.scale())

@@ -79,6 +79,12 @@ class Equations(Protocol):
     def event_sizes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how much events vary."""
 
+    def survey(self, u: NDArray[np.float64]) -> Survey:
+        """Return what a dense look shows."""
+
+    def event_size(self, transition: int, x: NDArray[np.float64]) -> float:
+        """Return how much one event varies."""
+
     def dense(self) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
         """Return the dense output."""
 

@@ -14,26 +14,26 @@ import numpy as np
 
 from saltus.algebraic.newton import ACCEPTED
 from saltus.orbits.common_sizes import newton_step
-from saltus.orbits.landed import fitted
-from saltus.orbits.observables.quantities import sizes_of_unknowns
+from saltus.orbits.landing.landed import fitted
 from saltus.orbits.signature import EVENT_END
-from saltus.scales import EPS, FINEST, RESIDUAL_KEPT, ROUNDINGS, SETTLED, STRAIGHT
+from saltus.scales import EPS, RESIDUAL_KEPT, ROUNDINGS, SETTLED, STRAIGHT
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
-    from saltus.orbits.problem import OrbitProblem
+    from saltus.orbits.landing.landed import Equations
 
 __all__ = ["carried", "shows_last_step", "solved"]
 
-# shares of durations, by which they are shortened before a pole: what errors of the flow make of its time, and more
-_SHARES = ROUNDINGS * EPS, FINEST, 1e-9, 1e-6, 1e-3, 1e-2, 0.1
-_FOLLOWED = 1e-3  # relative tolerance of a flow to a surface: the next one is shorter by as much
+_SHORTER = 6  # shares by which durations are shortened before a pole, from rounding up
+_WIDER = 512  # ratio of two such shares
 _ROUNDS = 8  # of flows to a surface: each begins nearer to it
 
 
 def carried(
-    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64] | None = None
+    problem: Equations, u: NDArray[np.float64], J: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64] | None:
     """Return unknowns whose segments end on their surfaces, or None where Newton's steps lead there by themselves.
 
@@ -62,10 +62,16 @@ def carried(
     return _followed(problem, moved, last[events])
 
 
-def solved(problem: OrbitProblem, u: NDArray[np.float64], most: int) -> NDArray[np.float64] | None:
+def solved(
+    problem: Equations,
+    u: NDArray[np.float64],
+    most: int,
+    sizes: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+) -> NDArray[np.float64] | None:
     """Return unknowns of an orbit near `u` by Newton steps from surface to surface; None where no upstroke is met.
 
     It is None, too, where `most` steps do not converge. Meshes are made for the flow up to a rounding before its poles.
+    sizes: those of the unknowns, as a function of these.
     """
     started: NDArray[np.float64] | None = None
     for _ in range(_ROUNDS):
@@ -76,7 +82,7 @@ def solved(problem: OrbitProblem, u: NDArray[np.float64], most: int) -> NDArray[
         u = further
     if started is None:
         return None
-    u, scale = started, sizes_of_unknowns(problem, started)
+    u, scale = started, sizes(started)
     for k in range(most):
         F, J = fitted(problem, problem.evaluate, u)
         for _ in range(_ROUNDS):
@@ -95,10 +101,10 @@ def solved(problem: OrbitProblem, u: NDArray[np.float64], most: int) -> NDArray[
     return None
 
 
-def _started(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _started(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return unknowns that meshes have been made for: durations up to events are shortened before a pole."""
     last = np.arange(problem.n, problem.size, problem.n + 1)[problem.kinds == EVENT_END]
-    for share in (0.0, *_SHARES) if last.size else ():
+    for share in _shares() if last.size else ():
         shorter = u.copy()
         shorter[last] *= 1.0 - share
         if problem.start(shorter) is None:
@@ -106,7 +112,12 @@ def _started(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float6
     return None
 
 
-def _met(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _shares() -> list[float]:
+    """Return shares by which durations are shortened before a pole: none, a rounding, more up to some hundredths."""
+    return [0.0, *(ROUNDINGS * EPS * _WIDER**k for k in range(_SHORTER))]
+
+
+def _met(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which equations are those of events that are met as nearly as the rounding of a duration allows."""
     problem.survey(u)
     met = np.zeros(problem.size, dtype=bool)
@@ -117,7 +128,7 @@ def _met(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.bool_]:
     return met
 
 
-def shows_last_step(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
+def shows_last_step(problem: Equations, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
     """Return whether the square of a converged Newton step, which it leaves, shows in an event function.
 
     The rate of an event function may double within the time in which it moves by its own size.
@@ -135,9 +146,9 @@ def _counts(time: float, duration: float) -> bool:
     return abs(time) > ROUNDINGS * EPS * abs(duration)
 
 
-def _followed(problem: OrbitProblem, u: NDArray[np.float64], places: NDArray[np.intp]) -> NDArray[np.float64] | None:
+def _followed(problem: Equations, u: NDArray[np.float64], places: NDArray[np.intp]) -> NDArray[np.float64] | None:
     """Return unknowns of a flow with values, surveyed: durations at `places` are shortened before a pole."""
-    for share in (0.0, *_SHARES):
+    for share in _shares():
         shorter = u.copy() if share else u
         shorter[places] *= 1.0 - share
         if not all(np.isfinite(found).all() for found in problem.evaluate(shorter)):
@@ -155,7 +166,7 @@ class _Late(NamedTuple):
     late: float  # the same where a duration is to be changed by it, else 0
 
 
-def _late(problem: OrbitProblem, i: int, duration: float) -> _Late | None:
+def _late(problem: Equations, i: int, duration: float) -> _Late | None:
     """Return the time from a segment's end, as surveyed, along the flow to its surface; None where that is not met.
 
     A duration is changed where Newton's step may not contract, or where its last step shows.
@@ -182,8 +193,9 @@ def _late(problem: OrbitProblem, i: int, duration: float) -> _Late | None:
         return np.append(field, 1.0) / event[1] if event[1] * rate > 0.0 else np.full(n + 1, np.nan)
 
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        atol = np.append(_FOLLOWED * problem.state_scale, EPS * duration)
-        found = solve_ivp(flow, (height, 0.0), np.append(end, 0.0), method="RK45", rtol=_FOLLOWED, atol=atol)
+        rough = math.sqrt(RESIDUAL_KEPT)  # the next flow is shorter by as much
+        atol = np.append(rough * problem.state_scale, EPS * duration)
+        found = solve_ivp(flow, (height, 0.0), np.append(end, 0.0), method="RK45", rtol=rough, atol=atol)
     time = float(found.y[-1, -1])
     if not (found.success and math.isfinite(time)):
         return None
