@@ -16,7 +16,7 @@ SMALL = 1e-5  # a share or an error below which a number most likely judges whet
 MOST = 120  # constants with real numbers in the modules of orbits and continuation together
 # constant that is as small and judges nothing: what it is
 KEPT = {
-    "orbits/landed.py: _FAR": "guess",
+    "orbits/landing/landed.py: _FAR": "guess",
     "orbits/orbit.py: TOLERANCES": "file limit",
     "orbits/stability/hopf.py: _DIFFERENCE": "step",
     "continuation/core/multiple.py: _NEAR": "guess",

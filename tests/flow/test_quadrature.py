@@ -199,3 +199,12 @@ def test_no_warning_without_a_reason(circle):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         circle[0].observe("mean(x**2)", "max(sin(3*x))", "amplitude(abs(x), 2)", "phase(x, 1)", errors=True)
+
+
+def test_bounds_that_are_infinite_on_both_sides_tell_no_width():
+    """On a sawtooth x = t the logarithm's pole lies on a step's end: the mean is c log c + (1 - c) log(1 - c) - 1."""
+    back = saltus.Transition("m", "m", "x - 1", 1, {"x": "0", "y": "1"})
+    saw = saltus.HybridSystem(("x", "y"), {}, {"m": saltus.Mode({"x": "1", "y": "-y"})}, [back])
+    c, orbit = 0.936, saltus.find_orbit(saw, x0=[0.0, 1.0])
+    (found,) = orbit.observe(f"mean(log(abs(x - {c})))", errors=True).values()
+    assert abs(found.value - (c * math.log(c) + (1 - c) * math.log(1 - c) - 1)) <= found.error

@@ -139,3 +139,12 @@ def test_what_cannot_be_used_is_named():
         saltus.find_orbit(logistic(), {"r": 4.0}, [0.3])
     with pytest.raises(ConvergenceError, match="period"):
         saltus.solve_orbit(Map(("x",), {}, {"x": "x + 1 + x**2"}), x0=[0.3])
+
+
+def test_a_fixed_point_at_the_origin_has_a_residual_of_zero():
+    """All terms of x -> a x - x^3 vanish there; its multiplier is a, so it doubles at a = -1 and branches at a = 1."""
+    cubic = Map(("x",), {"a": 1.5}, {"x": "a*x - x**3"})
+    branch = saltus.continue_orbit(saltus.solve_orbit(cubic, x0=[0.0]), "a", (-2.0, 3.0))
+    assert branch.solution(0).residual == 0.0
+    assert sorted((p.type, p.parameters["a"]) for p in branch.special_points) == [("BP", 1.0), ("PD", -1.0)]
+    assert saltus.verify(branch).passed

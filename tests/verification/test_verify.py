@@ -130,6 +130,21 @@ def test_small_multipliers_beside_large_ones_have_their_digits():
     assert values.real == pytest.approx([1e8, 1e-12], rel=1e-9)
 
 
+def test_a_single_eigenvalue_of_any_size_is_checked():
+    """A plant of one state with a relay in large units: the boundary equilibrium at h = U has the eigenvalue -7e5."""
+    relay = saltus.HybridSystem(
+        ("x",), {"a": 0.7e6, "h": 3e8, "U": 1e9},
+        {"on": saltus.Mode({"x": "a*(U - x)"}), "off": saltus.Mode({"x": "a*(-U - x)"})},
+        [
+            saltus.Transition("on", "off", "x - h", 1, name="high"),
+            saltus.Transition("off", "on", "x + h", -1, name="low"),
+        ],
+    )  # fmt: skip
+    branch = saltus.continue_orbit(saltus.find_orbit(relay, x0=[0.0], mode="on"), "h", (1e8, 1.5e9))
+    assert branch["BC1"].parameters["h"] == pytest.approx(1e9, rel=1e-12)
+    assert saltus.verify(branch).passed
+
+
 def test_another_kind_of_result_is_refused():
     with pytest.raises(saltus.InputError, match="result = 'Trajectory': must be an orbit, an equilibrium"):
         saltus.verify(saltus.simulate(CYCLE, x0=[1.0, 1.0], t_end=1.0))

@@ -177,4 +177,5 @@ class MapOrbitProblem:
         own = J[:, : self.n].copy()
         own[rows, (rows + s) % self.n] += 1.0
         terms = np.abs(own) @ sizes + sizes[(rows + s) % self.n]
-        return float(np.max(F / np.maximum(terms, 1e-12 * float(terms.max()))))
+        top = float(terms.max())
+        return float(np.max(F / np.maximum(terms, 1e-12 * top))) if top > 0.0 else float(np.max(F))

@@ -14,7 +14,7 @@ from saltus.orbits.coincidences import judged_together
 from saltus.orbits.common_sizes import common_sizes, surface_rows
 from saltus.orbits.discretisation import Dense, Discretised
 from saltus.orbits.frames import lawson_steps
-from saltus.orbits.landed import on_surfaces
+from saltus.orbits.landing.landed import on_surfaces
 from saltus.orbits.meshes import adapted, crowding, decays, decays_along, implicit_second, implicit_steps, joined
 from saltus.orbits.plane import facings, further_planes, normal_across
 from saltus.orbits.records import Orbit, events_of, room_for

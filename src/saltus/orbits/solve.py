@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import singledispatch
+from functools import partial, singledispatch
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -15,11 +15,12 @@ from saltus.flow.sticking import check_continuous
 from saltus.linear_threads import one_thread
 from saltus.maps import MapOrbit
 from saltus.maps.solve import solve_map_orbit
-from saltus.orbits.common_sizes import left_by_rounding, newton_step
+from saltus.orbits.common_sizes import newton_step
 from saltus.orbits.cuts import cut, held, started_elsewhere, stretched
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.guesses import check_size, check_states, read_guess
-from saltus.orbits.landed import Landed, before_poles, fitted
+from saltus.orbits.landing.landed import Landed, before_poles, fitted, rounded, within_reach
+from saltus.orbits.landing.upstrokes import solved
 from saltus.orbits.maps import check_measured, piece_maps
 from saltus.orbits.observables.quantities import sizes_of_unknowns
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -321,9 +322,23 @@ def solve_unknowns(
     ConvergenceError
         The steps do not converge.
     """
-    given, (most, least), u = u, patience, _within_reach(problem, u)
+    try:
+        return _damped(problem, u, unfolded, patience)
+    except ConvergenceError:
+        sizes = partial(sizes_of_unknowns, problem)
+        found = solved(problem, u, patience[0], sizes) if unfolded is None else None
+        if found is None:
+            raise
+        return _accepted(problem, problem.evaluate, None, (found, problem.evaluate(found)[1]), problem.survey(found))
+
+
+def _damped(
+    problem: OrbitProblem, u: NDArray[np.float64], unfolded: UnfoldedEquations | None, patience: tuple[int, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what `solve_unknowns` does, by Newton steps that are halved until the residual falls."""
+    given, (most, least), u = u, patience, within_reach(problem, u)
     if problem.stiff and unfolded is None and (moved := started_elsewhere(problem, u)) is not None:
-        u = _within_reach(problem, moved[1])
+        u = within_reach(problem, moved[1])
     evaluate = problem.evaluate if unfolded is None else unfolded.evaluate
     scale = sizes_of_unknowns(problem, u)
     if unfolded is not None:
@@ -351,7 +366,7 @@ def solve_unknowns(
             trial = u + factor * step
             F_new, J_new = evaluate(trial)
             new = float(np.abs(F_new).max())
-            if new <= (1.0 - 0.2 * factor) * size or _rounded(problem, length, new, (F_new, J_new, scale)):
+            if new <= (1.0 - 0.2 * factor) * size or rounded(problem, length, new, (F_new, J_new, scale)):
                 break
             if length < scales.SETTLED and landed.within(trial, F_new, J_new):
                 break
@@ -389,16 +404,10 @@ def solve_unknowns(
             u, F, J = before_poles(problem, evaluate, u, scales.followed(problem.tol))
             size = float(np.abs(F).max())
         elif length > 1e-2 or iteration == 0:
-            u = _within_reach(problem, u)
+            u = within_reach(problem, u)
             F, J = fitted(problem, evaluate, u)
             size = float(np.abs(F).max())
     raise ConvergenceError("periodic orbit", size, most, _why(problem, u, size, extent))
-
-
-def _rounded(problem: OrbitProblem, length: float, left: float, found: tuple[NDArray[np.float64], ...]) -> bool:
-    """Return whether a step of a length leaves a residual that need not fall any more; found: F, J, unknowns' sizes."""
-    least = scales.RESIDUAL_SMALL * float(problem.state_scale.max())
-    return (length < scales.STEP_AT_ROUNDING and left < least) or left_by_rounding(*found)
 
 
 def _accepted(
@@ -436,15 +445,3 @@ def _why(problem: OrbitProblem, u: NDArray[np.float64], size: float, extent: flo
     if size < scales.RESIDUAL_LEAST * float(problem.state_scale.max()):
         return "the equations are singular there, as at a saddle-node or a branch point"
     return "start from a nearer guess"
-
-
-def _within_reach(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return unknowns whose flow can be followed: durations that run into a singularity of the field are shortened."""
-    u = u.copy()
-    for _ in range(40):
-        blocked = problem.start(u)
-        if blocked is None:
-            return u
-        u[blocked * (problem.n + 1) + problem.n] *= 0.97
-    hint = "the field is singular or the state diverges there"
-    raise ConvergenceError("flow of a segment", math.inf, 0, hint)

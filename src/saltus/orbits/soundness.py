@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import ConvergenceError
-from saltus.orbits.landed import before_poles
+from saltus.orbits.landing.landed import before_poles
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import EVENT_END, MEAN_END, SPEED, Survey

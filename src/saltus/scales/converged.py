@@ -52,6 +52,9 @@ RESIDUAL_LOOSE = 100.0
 # Residual of an orbit, over the largest state's size, that is rounding: some hundred steps leave a rounding each.
 RESIDUAL_ROUNDING = 1e-13
 
+# Share of Newton's step to a surface by which the surface is met earlier, from which on the steps need not contract.
+STRAIGHT = 0.5
+
 # Residual of an orbit in units of its equations, from which on Newton's steps need not make it smaller.
 RESIDUAL_SMALL = 1e-6
 

@@ -43,8 +43,10 @@ class Range(NamedTuple):
 
     @property
     def width(self) -> Any:
-        """Greatest less least value."""
-        return self.high - self.low
+        """Greatest less least value; infinite where both are."""
+        with np.errstate(invalid="ignore"):
+            width = self.high - self.low
+        return np.where(np.isnan(width), math.inf, width)
 
     @property
     def mixed(self) -> Any:

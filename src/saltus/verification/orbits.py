@@ -262,15 +262,24 @@ def _extremes(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
     lows, highs = np.min([low for low, _ in both], axis=0), np.max([high for _, high in both], axis=0)
     names = (*orbit.system.all_states, *orbit.system.output_names)
     phase = None if orbit.system.phase is None else orbit.system.phase[0]
+    fast = np.max([_at_end(found, piece, orbit.period) for piece in found.pieces], axis=0)
     rows = []
     for q, name in enumerate(names):
         size = max(abs(orbit.lows[q]), abs(orbit.highs[q]))
         if name == phase or not math.isfinite(size):
             continue
-        allowed = (VERIFIED_EXTREME + found.loose) * size + 1e-14 * float(found.sizes.max())
+        allowed = (VERIFIED_EXTREME + found.loose) * size + 1e-14 * float(found.sizes.max()) + float(fast[q])
         rows.append(compared(f"min {name}", float(orbit.lows[q]), float(lows[q]), allowed))
         rows.append(compared(f"max {name}", float(orbit.highs[q]), float(highs[q]), allowed))
     return rows
+
+
+def _at_end(found: FollowedOrbit, piece: Piece, period: float) -> NDArray[np.float64]:
+    """Return by how much states and outputs change at a segment's end within the error of its time."""
+    moved = found.error * period * found.reference.field(piece.mode, piece.end)
+    with np.errstate(all="ignore"):
+        near = found.reference.quantities(piece.mode, piece.end[:, None] + np.stack([-moved, moved], axis=1))
+    return np.asarray(np.nan_to_num(np.ptp(near, axis=1), nan=0.0, posinf=0.0))
 
 
 def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> tuple[list[str], list[str]]:

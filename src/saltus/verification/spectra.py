@@ -165,6 +165,8 @@ def _many_digits(steps: Sequence[NDArray[np.float64]]) -> NDArray[np.complex128]
     """Return the eigenvalues of a product that is computed with many digits; NaN where none are found."""
     import mpmath
 
+    if steps[0].shape == (1, 1):  # its eig returns vectors of such a matrix, whatever is asked of it
+        return np.array([math.prod(float(step[0, 0]) for step in steps)], np.complex128)
     with mpmath.workdps(_DIGITS):
         product = mpmath.eye(steps[0].shape[0])
         for step in steps:

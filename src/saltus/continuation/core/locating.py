@@ -175,7 +175,8 @@ def locate(
     usual = np.maximum(*(_terms(end.J, a.u.size - 1, scale) for end in (a, b)))
     unit = unit or max(abs(fa), abs(fb))
     floor = problem.noise.get(name, MONITOR_ZERO) * unit
-    previous = math.inf
+    previous, carried = math.inf, getattr(problem, "carried", None)
+    flat = 1e-2 if name in problem.singular else 1e-12  # least factor on the departure from the cubic
     for asked in range(60):
         base, tangent = hermite(a, b, length, s), hermite_slope(a, b, length, s)
         tangent /= math.sqrt(float(a.weights @ tangent**2))
@@ -184,6 +185,9 @@ def locate(
         u = base + shape * bend
         row = a.weights * tangent
         F, J = problem.evaluate(u)
+        if carried is not None and (further := carried(u, J)) is not None:
+            bend, u = bend + (further - u) / max(shape, flat), further
+            F, J = problem.evaluate(u)
         steps, sign, log, size, residual = bordered(J, F, row, u, u, scale)
         step = steps[:, 0]
         if near:
@@ -199,7 +203,7 @@ def locate(
             return Event(name, point, 0.0)
         if sign == 0.0 or not size < 1e3:
             return None
-        bend = bend + step / max(shape, 1e-2 if name in problem.singular else 1e-12)
+        bend = bend + step / max(shape, flat)
         bends = [*[other for other in bends if abs(other[0] - s) > PLACES_ALIKE][-1:], (s, bend)]
         if not problem.accurate():
             continue

@@ -6,7 +6,7 @@ docs/theory/continuation.md, "Pseudo-arclength", derives predictor and corrector
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -50,6 +50,8 @@ class ZeroProblem(Protocol):
 
     Monitor functions have names that are hashable and have a text. A problem may have a method ``corrected`` besides,
     with the arguments of `correct`: what that returns in compiled code, or None where there is no such code.
+    It may have a method ``carried``: for unknowns, and the Jacobian where it is known, it returns unknowns from which
+    Newton's method contracts, or None where it knows no better.
     It may have a method ``error``: how far a monitor function, given its name, may be wrong at an examined point.
 
     Attributes
@@ -167,19 +169,39 @@ def correct(
     iterations: int,
 ) -> Point | str:
     """Return the branch's point in the hyperplane through `guess` normal to `tangent`, or why there is none."""
+    compiled, carried = getattr(problem, "corrected", None), getattr(problem, "carried", None)
+    found = None if compiled is None else compiled(guess, tangent, weights, iterations)
+    if found is None:
+        found = _newton(problem, guess, guess.copy(), (tangent, weights, iterations))
+    if isinstance(found, str) and carried is not None and (u := carried(guess)) is not None:
+        return _newton(problem, guess, u, (tangent, weights, iterations), carried)
+    return found
+
+
+def _newton(
+    problem: ZeroProblem,
+    guess: NDArray[np.float64],
+    u: NDArray[np.float64],
+    plane: tuple[NDArray[np.float64], NDArray[np.float64], int],
+    carried: Callable[..., NDArray[np.float64] | None] | None = None,
+) -> Point | str:
+    """Return what `correct` does, by Newton's method from `u`; each of its steps is carried on by `carried`, if given.
+
+    plane: tangent, weights and most iterations.
+    """
     from saltus.system.numba_tools.linear import bordered
 
-    compiled = getattr(problem, "corrected", None)
-    if compiled is not None and (found := compiled(guess, tangent, weights, iterations)) is not None:
-        return found  # type: ignore[no-any-return]
-    u = guess.copy()
-    row, scale = weights * tangent, problem.scale()
+    (tangent, weights, iterations), scale = plane, problem.scale()
+    row = weights * tangent
     previous, remeshed, unstable = math.inf, 0, 0
     for iteration in range(1, iterations + REMESHED + 1):
         F, J = problem.evaluate(u)
         if unstable < UNSTABLE and not np.isfinite(J).all() and not problem.accurate():
             unstable += 1
             continue
+        if carried is not None and not np.isfinite(J).all() and (further := carried(u)) is not None:
+            u = further
+            F, J = problem.evaluate(u)
         steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
         if sign == 0.0 or not math.isfinite(log):
             return Unsolved.SINGULAR if np.isfinite(J).all() else Unsolved.INFINITE
@@ -196,6 +218,8 @@ def correct(
         if iteration - remeshed >= iterations:
             break
         previous = size
+        if carried is not None and not met and (further := carried(u)) is not None:
+            u = further
     return Unsolved.LATE
 
 
@@ -232,9 +256,12 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
     """
     weights = problem.metric(u)
     root = np.sqrt(np.maximum(weights, 1e-12))
-    J = np.empty(0)
+    J, carried = np.empty(0), getattr(problem, "carried", None)
     for _ in range(6 + REMESHED):
         F, J = problem.evaluate(u)
+        if carried is not None and (further := carried(u, J)) is not None:
+            u = further
+            F, J = problem.evaluate(u)
         fine = problem.accurate()
         if not np.isfinite(J).all():  # on meshes too coarse for the flow, which are finer now
             continue

@@ -24,12 +24,13 @@ from saltus.continuation.problems.errors import orbit_error
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
 from saltus.continuation.problems.orbit_data import OrbitData
-from saltus.continuation.problems.phase_plane import astray, depart, log_of_crossings, solve_again
+from saltus.continuation.problems.phase_plane import astray, depart, log_of_crossings, sharpen, solve_again
 from saltus.continuation.problems.retries import Retries
 from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.problems.watching import Watched, beyond
 from saltus.orbits import records
 from saltus.orbits.correction import corrected
+from saltus.orbits.landing.upstrokes import carried
 from saltus.orbits.observables.gradients import slope_along
 from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.quantities import read_quantity
@@ -184,6 +185,10 @@ class OrbitZeroProblem:
         """Return residual and Jacobian."""
         return self.problem.evaluate(u)
 
+    def carried(self, u: NDArray[np.float64], J: NDArray[np.float64] | None = None) -> NDArray[np.float64] | None:
+        """Return unknowns with durations up to surfaces that are met too steeply for Newton's method; None without."""
+        return carried(self.problem, u, J)
+
     def corrected(
         self,
         guess: NDArray[np.float64],
@@ -223,7 +228,7 @@ class OrbitZeroProblem:
         problem = self.problem
         if before is not None and (fault := astray(problem, point.u)) is not None:
             return Examined({}, fault)
-        self._sharpen(point)
+        sharpen(self, problem, point)
         survey, self._retries.solved = problem.survey(point.u), True
         if survey.coarse or guards.tightened(problem, survey, point.u, self.own(point.J), neutral=self.neutral):
             if (fault := solve_again(self, problem, point, point.u)) is not None:
@@ -286,20 +291,6 @@ class OrbitZeroProblem:
         values = multipliers(self.problem, u, self.own(self.evaluate(u)[1]))
         return nontrivial(values, autonomous=self._autonomous)
 
-    def _sharpen(self, point: Point) -> None:
-        """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers."""
-        if not self.problem.signature.is_cut:
-            return
-        from saltus.system.numba_tools.linear import bordered
-
-        row = point.weights * point.tangent
-        F, J = self.evaluate(point.u)
-        steps, sign, log, size, residual = bordered(J, F, row, point.u, point.u, self._scale)
-        if size < scales.SHARPER:
-            point.u, point.J, point.residual = point.u + steps[:, 0], J, residual
-            point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
-            point.sign, point.log = sign, log
-
     def _measured(self, point: Point) -> dict[Monitor, float]:
         """Return the monitors that need no survey; the SN monitor is 0 where the parameter rests."""
         monitors = {name: value(point) for name, value in self._simple.items()}
@@ -329,7 +320,7 @@ class OrbitZeroProblem:
     def monitor(self, name: Monitor, point: Point) -> float:
         """Return one monitor function at a point that may be corrected roughly only."""
         if bifurcates(name):
-            self._sharpen(point)
+            sharpen(self, self.problem, point)
         if name in self._simple:
             return self._simple[name](point)
         if name in self._observables:

@@ -32,6 +32,7 @@ from saltus.continuation.problems.orbit_data import LocusData
 from saltus.continuation.problems.other_values import KIND, SEVERAL, multipliers_beside, without_critical
 from saltus.continuation.problems.phase_plane import astray, depart, log_of_crossings, solve_again
 from saltus.continuation.problems.retries import Retries
+from saltus.orbits.landing.upstrokes import carried
 from saltus.orbits.normal_forms import flip_coefficient
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
@@ -130,6 +131,11 @@ class LocusZeroProblem:
         self._block = np.append(1.0 / problem.common_scale**2, 0.0)
         tail = np.ones(self.condition.extra + 2)
         self._scale = np.append(np.tile(np.append(problem.state_scale, period), problem.segments), tail)
+
+    def carried(self, z: NDArray[np.float64], J: NDArray[np.float64] | None = None) -> NDArray[np.float64] | None:
+        """Return unknowns with durations up to surfaces that are met too steeply for Newton's method; None without."""
+        u = carried(self.problem, self.orbit(z), J)
+        return None if u is None else np.concatenate([u[: self.problem.size], z[self.problem.size :]])
 
     def evaluate(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residual and Jacobian of orbit and condition."""

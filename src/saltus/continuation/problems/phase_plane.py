@@ -13,6 +13,8 @@ import numpy as np
 
 from saltus.algebraic.newton import REMESHED
 from saltus.continuation.core.zero_problem import correct
+from saltus.orbits.landing.upstrokes import shows_last_step
+from saltus.scales import SHARPER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,9 +22,10 @@ if TYPE_CHECKING:
     from saltus.continuation.core.zero_problem import Point, ZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["astray", "depart", "log_of_crossings", "solve_again", "transferred"]
+__all__ = ["astray", "depart", "log_of_crossings", "sharpen", "solve_again", "transferred"]
 
 _ASTRAY = 0.3  # least cosine of the angle between flow and plane's normal at the end of a step
+_SHARPENED = 8  # most further corrections of an orbit: quadratic, they end at rounding before
 _RENEWED = 0.8  # the same cosine, up to which the plane is renewed before the next step
 
 
@@ -127,3 +130,27 @@ def solve_again(zero: ZeroProblem, problem: OrbitProblem, point: Point, u: NDArr
     point.u, point.J, point.tangent = better.u, better.J, better.tangent
     point.sign, point.log, point.residual = better.sign, better.log, better.residual
     return None
+
+
+def sharpen(zero: ZeroProblem, problem: OrbitProblem, point: Point) -> None:
+    """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers.
+
+    Where a surface is met so fast that this error shows there, it is corrected down to rounding.
+    """
+    cut = problem.signature.is_cut
+    if not (cut or shows_last_step(problem, point.u, point.J)):
+        return
+    from saltus.system.numba_tools.linear import bordered
+
+    row, before, carried = point.weights * point.tangent, SHARPER, getattr(zero, "carried", None)
+    for _ in range(1 if cut else _SHARPENED):
+        F, J = zero.evaluate(point.u)
+        if not cut and carried is not None and (further := carried(point.u, J)) is not None:
+            point.u = further
+            F, J = zero.evaluate(further)
+        steps, sign, log, size, residual = bordered(J, F, row, point.u, point.u, zero.scale())
+        if not (size < before and math.isfinite(log)):
+            return
+        point.u, point.J, point.residual, before = point.u + steps[:, 0], J, residual, size
+        point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
+        point.sign, point.log = sign, log

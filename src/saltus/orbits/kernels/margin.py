@@ -13,9 +13,11 @@ from saltus.orbits.kernels.curve import FINE, GUARD, fine, held, lowest_between,
 from saltus.orbits.kernels.hop import leaving, next_low, seen_from
 from saltus.orbits.kernels.together import holds
 from saltus.orbits.signature import BEYOND, BOUNDARY, EARLY, SECTION, WHOLE
-from saltus.scales import CONDITION_VANISHES, EPS, EQUALLY_FAR, EVENT_ROUNDED, ROUNDINGS, TOO_BRIEF
+from saltus.scales import CONDITION_VANISHES, EPS, EQUALLY_FAR, EVENT_ROUNDED, FINEST, ROUNDINGS, TOO_BRIEF, followed
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
+
+_SAME_INSTANT = followed(FINEST)  # share of the period before a segment's end within which its event is that at the end
 
 
 class Surface(NamedTuple):
@@ -142,7 +144,8 @@ def _touches(view, curve, surface, ends, begins, room, found):
                 bad |= _touch(view, curve, surface, -1.0, j - 1, small, room, found)
         # an event that has just happened does not happen again as the motion passes on through its surface
         starts = j == 1 and abs(height[0]) <= small and curve.duration > 0.0 and not begins
-        if 0 < j < total and height[j] < -small and (armed or starts):
+        at_end = ends and _left(curve, j) * curve.duration <= _SAME_INSTANT * view.period
+        if 0 < j < total and height[j] < -small and (armed or starts) and not at_end:
             # one who has passed while the condition did not hold is beyond, and meets the event no more
             early, jumps = _crossed(view, curve, surface, 1.0, j, armed, room, found)
             bad |= early

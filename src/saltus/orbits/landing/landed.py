@@ -11,8 +11,19 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
+from saltus.errors import ConvergenceError
+from saltus.orbits.common_sizes import left_by_rounding
 from saltus.orbits.signature import EVENT_END
-from saltus.scales import EPS, ON_SURFACE, RESIDUAL_KEPT, RESIDUAL_SMALL, ROUNDINGS, UNFIT, followed
+from saltus.scales import (
+    EPS,
+    ON_SURFACE,
+    RESIDUAL_KEPT,
+    RESIDUAL_SMALL,
+    ROUNDINGS,
+    STEP_AT_ROUNDING,
+    UNFIT,
+    followed,
+)
 from saltus.system.angles import TURN
 
 if TYPE_CHECKING:
@@ -26,7 +37,7 @@ if TYPE_CHECKING:
     _Evaluated: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
     _Evaluate: TypeAlias = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
-__all__ = ["Landed", "before_poles", "fitted", "on_surfaces", "steeply_met"]
+__all__ = ["Landed", "before_poles", "fitted", "on_surfaces", "rounded", "steeply_met", "within_reach"]
 
 _REMESHED = 12  # most times that meshes are moved
 _MARGIN = 2.0  # distance from a pole of the field, over the least at which the flow has values
@@ -67,6 +78,12 @@ class Equations(Protocol):
 
     def event_sizes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how much events vary."""
+
+    def survey(self, u: NDArray[np.float64]) -> Survey:
+        """Return what a dense look shows."""
+
+    def event_size(self, transition: int, x: NDArray[np.float64]) -> float:
+        """Return how much one event varies."""
 
     def dense(self) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
         """Return the dense output."""
@@ -264,3 +281,21 @@ def fitted(
         problem.refine()
         F, J = evaluate(u)
     return F, J
+
+
+def rounded(problem: Equations, length: float, left: float, found: tuple[NDArray[np.float64], ...]) -> bool:
+    """Return whether a step of a length leaves a residual that need not fall any more; found: F, J, unknowns' sizes."""
+    least = RESIDUAL_SMALL * float(problem.state_scale.max())
+    return (length < STEP_AT_ROUNDING and left < least) or left_by_rounding(*found)
+
+
+def within_reach(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return unknowns whose flow can be followed: durations that run into a singularity of the field are shortened."""
+    u = u.copy()
+    for _ in range(40):
+        blocked = problem.start(u)
+        if blocked is None:
+            return u
+        u[blocked * (problem.n + 1) + problem.n] *= 0.97
+    hint = "the field is singular or the state diverges there"
+    raise ConvergenceError("flow of a segment", math.inf, 0, hint)
