@@ -19,6 +19,8 @@ from saltus.errors import InputError
 from saltus.maps.orbit import MapOrbit
 from saltus.orbits import PeriodicOrbit
 from saltus.verification.algebraic import EquilibriumCheck, MapOrbitCheck, sizes_of
+from saltus.verification.along import course_rows
+from saltus.verification.columns import column_rows, solution_rows
 from saltus.verification.orbits import OrbitCheck
 from saltus.verification.table import Row, Verification, equal, placed, worst
 
@@ -72,7 +74,7 @@ def verify(result: Any, *, points: int = 9) -> Verification:
 
 @singledispatch
 def _rows(result: Any, points: int) -> list[Row]:
-    return list(_check(result).rows())
+    return [*_check(result).rows(), *solution_rows(result)]
 
 
 @_rows.register
@@ -111,12 +113,14 @@ def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> 
     """Return the checks of a special point, the states of the sizes that they have along its curve, if any."""
     point = point.itself
     if point.homoclinic is not None:
-        return placed(point.label, EquilibriumCheck(point.homoclinic.saddle).rows())
+        rows = [*EquilibriumCheck(point.homoclinic.saddle).rows(), *solution_rows(point.solution)]
+        return placed(point.label, rows)
     check, multiplicity = _check(point.solution, sizes), getattr(point, "multiplicity", 1)
     wanted = [point.type] if not point.locus or point.type == point.locus else [point.locus, point.type]
     rows = [row for one in wanted for row in check.condition(one, multiplicity)]
     if point.type not in check.shrinks_at:
         rows += [row for row in check.rows() if not _is_critical(row)]
+    rows += solution_rows(point.solution)
     return placed(point.label, rows)
 
 
@@ -140,6 +144,7 @@ def _curve_rows(curve: Any, points: int) -> list[Row]:
     rows = worst(rows)
     for point in curve.special_points:
         rows += _point_rows(point, sizes)
+    rows += [*column_rows(curve), *course_rows(curve)]
     if len(curve.varied) == 1:
         rows += list(_account(curve, counts))
     return rows

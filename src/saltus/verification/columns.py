@@ -1,0 +1,153 @@
+"""Columns of a curve held against the solution of each point, which is computed anew from the point's unknowns.
+
+A column says nothing of its own: it must follow from the solution. Each is judged by its own error, and the worst place
+of a column is the row that `verify` lists.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.results.orbit_columns import OrbitColumns
+from saltus.errors import SaltusError
+from saltus.scales import LEAST_ALLOWANCE, Verdict, critical_error, zero
+from saltus.verification.remade import Claim, claims, orbit_claims
+from saltus.verification.table import AGREES, DIFFERS, Row, unchecked
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["column_rows", "solution_rows"]
+
+_AT_TOLERANCE = 1e-12  # of equations without a flow
+_ELSEWHERE = ("stable", "regular", "admissible", "multipliers", "period")  # claims that checks of solutions have
+
+
+def column_rows(curve: Any) -> list[Row]:
+    """Return a row for each column of a curve: where it differs most from the solutions, over its error."""
+    return _claimed(_of_points(curve), "column ")
+
+
+def solution_rows(solution: Any) -> list[Row]:
+    """Return rows of what a solution says besides what is checked by other means, held against its unknowns."""
+    own = (claim for claim in claims(solution, {}) if claim.what not in _ELSEWHERE)
+    return _claimed([("", own)])
+
+
+def _claimed(told: Iterable[tuple[str, Iterable[Claim]]], prefix: str = "") -> list[Row]:
+    """Return a row for each claim of several solutions, which come with their places: the worst of all places."""
+    worst: dict[str, tuple[float, Row]] = {}
+    for place, each in told:
+        try:
+            for claim in each:
+                share, row = _judged(claim, prefix)
+                if claim.what not in worst or share > worst[claim.what][0]:
+                    worst[claim.what] = share, row._replace(place=place)
+        except SaltusError as error:  # the unknowns solve no equations
+            row = Row("solution", "solves the equations", str(error), math.nan, math.nan, DIFFERS, place)
+            worst.setdefault("solution", (math.inf, row))
+    return [row for _, row in worst.values()]
+
+
+def _judged(claim: Claim, prefix: str) -> tuple[float, Row]:
+    """Return by how many errors a claim is off where it is off most, and its row; less than 0 where none is told."""
+    what = f"{prefix}{claim.what}"
+    if claim.said.shape != claim.found.shape:
+        return math.inf, Row(what, str(claim.said.shape), str(claim.found.shape), math.nan, math.nan, DIFFERS)
+    off = _differences(claim.said, claim.found)
+    known = np.isfinite(claim.error)
+    if not known.any():
+        return -1.0, unchecked(what, _plain(claim.said[0]) if claim.said.size else 0.0, "undetermined")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = np.where(known, np.where(off > 0.0, off / np.maximum(claim.error, LEAST_ALLOWANCE), 0.0), -1.0)
+    i = int(np.argmax(shares))
+    said, found = _plain(claim.said[i]), _plain(claim.found[i])
+    difference, error = float(off[i]), float(claim.error[i])
+    verdict = zero(difference, error)
+    if verdict is Verdict.UNCLEAR:
+        return float(shares[i]), unchecked(what, said, f"{found}, within ten errors of {error:.1g}")
+    logical = isinstance(said, bool)
+    numbers = (math.nan, math.nan) if logical else (difference, error)
+    return float(shares[i]), Row(what, said, found, *numbers, AGREES if verdict else DIFFERS)
+
+
+def _differences(said: NDArray[Any], found: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the distances of numbers; those that are NaN on both sides, or the same infinity, are equal."""
+    if said.dtype == np.bool_ or found.dtype == np.bool_:
+        return (said != found).astype(float)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(said - found)
+    equal = (said == found) | (np.isnan(said) & np.isnan(found))
+    return np.where(equal, 0.0, np.nan_to_num(off, nan=math.inf, posinf=math.inf))
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _of_points(curve: Any) -> Iterator[tuple[str, Iterator[Claim]]]:
+    own: Callable[[Any, int], Iterator[Claim]] = _orbit if isinstance(curve, OrbitColumns) else _zero
+    for i in range(len(curve)):
+        values = np.atleast_1d(curve.values[i])
+        place = ", ".join(f"{name} = {value:.6g}" for name, value in zip(curve.varied, values, strict=True))
+        yield place, own(curve, i)
+
+
+def _orbit(curve: OrbitColumns, i: int) -> Iterator[Claim]:
+    """Yield what the columns of a curve of orbits say at a point."""
+    problem, u = curve._solved(i)
+    names = ("x0", "period", "lows", "highs", "means", "harmonics", "multipliers", "admissible", "residual", "implicit")
+    said = {name: getattr(curve, name)[i] for name in names}
+    if len(curve.varied) == 1:
+        fixed = curve._fixed(i)
+        said |= {"stable": curve.stable[i], "family": fixed is not None and fixed.family}
+    yield from orbit_claims(problem, u, said)
+    yield from _of_locus(curve, i, curve.multipliers[i], np.abs(curve.multipliers[i]) - 1.0)
+
+
+def _zero(curve: Any, i: int) -> Iterator[Claim]:
+    """Yield what the columns of a curve of equilibria or of map orbits say at a point."""
+    kind = next(name for name in ("eigenvalues", "multipliers") if hasattr(curve, name))
+    values = getattr(curve, kind)[i]
+    said = {
+        kind: values, "stable": curve.stable[i], "sound": curve.sound[i], "residual": curve.residual[i],
+        "sizes": np.abs(curve.unknowns).max(axis=0),
+    }  # fmt: skip
+    said |= {"locus": curve.type} if len(curve.varied) > 1 else {}
+    yield from claims(curve.solution(i), said)
+    yield from _of_locus(curve, i, values, values.real if kind == "eigenvalues" else np.abs(values) - 1.0)
+
+
+def _of_locus(
+    curve: Any, i: int, values: NDArray[np.complex128], growth: NDArray[np.float64]
+) -> Iterator[Claim]:
+    """Yield what a locus says besides at a point: that nothing but what is critical grows, and the critical pair."""
+    if len(curve.varied) < 2:
+        return
+    resting = hasattr(curve, "eigenvalues")
+    unit = float(np.abs(values).max(initial=0.0)) if resting else 1.0
+    error = critical_error(getattr(curve, "tolerance", _AT_TOLERANCE)) * unit
+    clear = np.isfinite(growth) & (np.abs(growth) > error)
+    told = bool(np.all(clear | (np.abs(growth) <= error))) if np.all(np.isfinite(growth)) else False
+    yield Claim.of("stable", curve.stable[i], not np.any(growth[clear] > 0.0), 0.0 if told else math.inf)
+    for name in ("angle", "frequency"):
+        if hasattr(curve, name):
+            found = _turning(curve, name, values, growth)
+            known = np.all(np.isfinite(values))
+            yield Claim.of(name, getattr(curve, name)[i], found, error if known else math.inf)
+
+
+def _turning(curve: Any, name: str, values: NDArray[np.complex128], growth: NDArray[np.float64]) -> float:
+    """Return the angle of the critical multipliers, or the frequency of the critical pair; NaN where it has none."""
+    kind = curve.type
+    if isinstance(curve, OrbitColumns) and kind in ("SN", "PD"):
+        return {"SN": 0.0, "PD": math.pi}[kind]
+    if kind not in ("TR", "HB") or not np.any(values.imag > 0.0):
+        return math.nan
+    pairs = np.flatnonzero(values.imag > 0.0)
+    critical = complex(values[pairs[np.argmin(np.abs(growth[pairs]))]])
+    return critical.imag if name == "frequency" else math.atan2(critical.imag, critical.real)
