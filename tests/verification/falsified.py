@@ -39,7 +39,7 @@ def _other(values: np.ndarray) -> np.ndarray:
     if values.dtype.kind == "f":
         top = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
         top = top if top > 1e-6 else 1.0
-        return np.where(np.isfinite(values), 1.1 * values + 0.1 * top, 0.5)
+        return np.where(np.isfinite(values), values + 0.1 * np.abs(values) + 0.1 * top, 0.5)
     if values.dtype.kind in "iu":
         return np.where(values == 0, 1, 0).astype(values.dtype)
     others = {"SN": "PD", "PD": "SN", "HB": "SN", "GR": "SN", "BP": "SN"}

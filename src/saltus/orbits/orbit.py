@@ -25,7 +25,7 @@ from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.problem import OrbitProblem, follow_from
 from saltus.orbits.rounds import drive_text, repeats_of, rounds_of, winding_of
 from saltus.orbits.signature import Segment, Signature, Survey, events_between, path_of, signature_from
-from saltus.orbits.stability.floquet import multipliers, multipliers_by_order, nontrivial, unstable_count
+from saltus.orbits.stability.floquet import multipliers, multipliers_by_order, nontrivial, or_unknown, unstable_count
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.result import frozen
 from saltus.solution import Solution
@@ -54,7 +54,8 @@ class PeriodicOrbit(Solution):
     states, durations : ndarray, shapes (pieces, all states) and (pieces,)
         Full state at the start of each piece, and its duration. A piece is a segment, or part of a sensitive one.
     multipliers : ndarray of complex, shape (states,)
-        Floquet multipliers, largest first; an autonomous system's trivial one is last.
+        Floquet multipliers, largest first; an autonomous system's trivial one is last. NaN where an event is met more
+        slowly than its own speed is known.
     residual : float
         Largest residual of the equations: gap between two segments, or distance of a segment's end from its event.
     faults : int
@@ -135,7 +136,8 @@ class PeriodicOrbit(Solution):
         Those of an orbit in a family at fixed parameters may lie on it, but for rounding.
         """
         inner = nontrivial(self.multipliers, autonomous=self.system.phase is None)
-        return unstable_count(inner, neutral=self.fixed is not None and self.fixed.family) == 0
+        neutral = self.fixed is not None and self.fixed.family
+        return not np.any(np.isnan(inner)) and unstable_count(inner, neutral=neutral) == 0
 
     @property
     def unstable(self) -> int:
@@ -440,7 +442,7 @@ def orbit_at(
 ) -> PeriodicOrbit:  # fmt: skip
     """Return the orbit that solves `problem` at `u`; survey and multipliers are computed unless given."""
     survey = problem.survey(u) if survey is None else survey
-    values = multipliers(problem, u, J) if values is None else values
+    values = or_unknown(problem, u, survey.rates[:, 0], multipliers(problem, u, J)) if values is None else values
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     parameters = problem.named_at(u)
     x0 = survey.x0[: len(problem.system.states)]

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.results.auditing import audited
 from saltus.scales import LOCATED, PRINTED, followed, same
+from saltus.verification.names import named_rows
 from saltus.verification.table import AGREES, DIFFERS, Row, equal, unchecked
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def course_rows(curve: Any) -> list[Row]:
         return []
     rows = [_rising(curve), *(row for end in (0, -1) for row in _end(curve, end))]
     rows += [row for point in curve.special_points for row in _placed(curve, point)]
-    rows += [*_labels(curve), *_copies(curve), *_turns(curve), *_audit(curve)]
+    rows += [*named_rows(curve), *_turns(curve), *_audit(curve)]
     return rows
 
 
@@ -110,48 +111,32 @@ def _placed(curve: Any, point: SpecialPoint[Any]) -> Iterator[Row]:
     yield equal("position by arclength", True, bool(inside))._replace(place=point.label)
 
 
-def _labels(curve: Any) -> Iterator[Row]:
-    """Yield whether each label is its type with a number, and stands once, and each type is one that curves have."""
-    labels = [point.label for point in curve.special_points]
-    for point in curve.special_points:
-        head = re.sub(r"_?\d+$", "", point.label)
-        plain = head == point.type and labels.count(point.label) == 1
-        known = point.type in POINT_TYPES or point.type in (*_events(curve), "TP", "EX")
-        if not (plain and known):
-            wanted = f"{point.type} and a number, once" if known else "of a type that there is"
-            yield Row("label", point.label, wanted, math.nan, math.nan, DIFFERS, point.label)
-
-
-def _events(curve: Any) -> dict[str, Any]:
-    return dict(curve.options.get("events") or {})
-
-
-def _copies(curve: Any) -> Iterator[Row]:
-    """Yield special points that are others to the last digit."""
-    seen: dict[Any, str] = {}
-    for point in curve.special_points:
-        own = (point.type, point.of, point.locus, point.arclength, np.asarray(point.solution.x0).tobytes())
-        if own in seen:
-            yield Row("special point", point.label, f"{seen[own]} again", math.nan, math.nan, DIFFERS, point.label)
-        seen.setdefault(own, point.label)
-
-
 def _turns(curve: Any) -> Iterator[Row]:
-    """Yield whether the parameter turns at saddle-nodes, or the one that a TP names."""
+    """Yield whether the parameter turns at saddle-nodes and nonsmooth folds, or the one that a TP names."""
     values, last = curve.values.reshape(len(curve), -1), len(curve) - 1
+    if getattr(curve, "fixed", None) is not None:  # along a quantity, the parameter turns as it likes
+        return
     rounding = _rounding(curve)
     places = [point.position for point in curve.special_points if point.type in _GOES_ON]
     for point in curve.special_points:
-        first = math.floor(point.position)
-        along = curve.varied.index(point.of) if point.of in curve.varied else 0
-        turning = point.type == "TP" or (point.type == "SN" and len(curve.varied) == 1)
+        first, along = math.floor(point.position), curve.varied.index(point.of) if point.of in curve.varied else 0
+        claimed = _claimed_turn(curve, point)
         alone = sum(abs(place - point.position) <= 1.0 for place in places) <= 1
-        if not (turning and alone and 0 <= first < last) or getattr(curve, "fixed", None) is not None:
+        if claimed is None or not (alone and 0 <= first < last):
             continue
         sides = values[first : first + 2, along] - point.value(curve.varied[along])
-        if float(sides[0] * sides[1]) < 0.0 and np.all(np.abs(sides) > rounding[along]):
-            kept = Row(f"{curve.varied[along]} turns", True, False, math.nan, math.nan, DIFFERS)
-            yield kept._replace(place=point.label)
+        if np.all(np.abs(sides) > rounding[along]):
+            turns = float(sides[0] * sides[1]) > 0.0
+            yield equal(f"{curve.varied[along]} turns", claimed, turns)._replace(place=point.label)
+
+
+def _claimed_turn(curve: Any, point: SpecialPoint[Any]) -> bool | None:
+    """Return whether a parameter turns at a special point by what the point is; None where that tells nothing."""
+    if point.type == "TP" or (point.type == "SN" and len(curve.varied) == 1):
+        return True
+    if len(curve.varied) == 1 and point.kind in ("persistence", "nonsmooth fold"):
+        return point.kind == "nonsmooth fold"
+    return None
 
 
 def _rounding(curve: Any) -> NDArray[np.float64]:

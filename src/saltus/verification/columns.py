@@ -7,24 +7,25 @@ of a column is the row that `verify` lists.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.continuation.results.orbit_columns import OrbitColumns
 from saltus.errors import SaltusError
-from saltus.scales import LEAST_ALLOWANCE, Verdict, critical_error, zero
+from saltus.maps.orbit import MapOrbit
+from saltus.scales import EPS, LEAST_ALLOWANCE, VERIFIED_VALUE, Verdict, critical_error, zero
 from saltus.verification.remade import Claim, claims, orbit_claims
 from saltus.verification.table import AGREES, DIFFERS, Row, unchecked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["column_rows", "solution_rows"]
+__all__ = ["ELSEWHERE", "column_rows", "solution_rows"]
 
 _AT_TOLERANCE = 1e-12  # of equations without a flow
-_ELSEWHERE = ("stable", "regular", "admissible", "multipliers", "period")  # claims that checks of solutions have
+ELSEWHERE = ("stable", "regular", "admissible", "multipliers", "period")  # claims that checks of solutions have
 
 
 def column_rows(curve: Any) -> list[Row]:
@@ -32,9 +33,15 @@ def column_rows(curve: Any) -> list[Row]:
     return _claimed(_of_points(curve), "column ")
 
 
-def solution_rows(solution: Any) -> list[Row]:
-    """Return rows of what a solution says besides what is checked by other means, held against its unknowns."""
-    own = (claim for claim in claims(solution, {}) if claim.what not in _ELSEWHERE)
+def solution_rows(
+    solution: Any, elsewhere: Sequence[str] = ELSEWHERE, sizes: NDArray[np.float64] | None = None
+) -> list[Row]:
+    """Return rows of what a solution says besides what is checked `elsewhere`, held against its unknowns.
+
+    sizes: those of the states along its curve, shape (state,).
+    """
+    known = {} if sizes is None or isinstance(solution, MapOrbit) else {"sizes": sizes}
+    own = (claim for claim in claims(solution, known) if claim.what not in elsewhere)
     return _claimed([("", own)])
 
 
@@ -100,7 +107,7 @@ def _of_points(curve: Any) -> Iterator[tuple[str, Iterator[Claim]]]:
 def _orbit(curve: OrbitColumns, i: int) -> Iterator[Claim]:
     """Yield what the columns of a curve of orbits say at a point."""
     problem, u = curve._solved(i)
-    names = ("x0", "period", "lows", "highs", "means", "harmonics", "multipliers", "admissible", "residual", "implicit")
+    names = ("x0", "period", "lows", "highs", "means", "harmonics", "multipliers", "admissible", "residual")
     said = {name: getattr(curve, name)[i] for name in names}
     if len(curve.varied) == 1:
         fixed = curve._fixed(i)
@@ -139,6 +146,28 @@ def _of_locus(
             found = _turning(curve, name, values, growth)
             known = np.all(np.isfinite(values))
             yield Claim.of(name, getattr(curve, name)[i], found, error if known else math.inf)
+    if isinstance(curve, OrbitColumns):
+        yield from _of_start(curve, i)
+    else:
+        yield from _coefficient(curve, i)
+
+
+def _of_start(curve: Any, i: int) -> Iterator[Claim]:
+    """Yield the size of an orbit's coefficient where a locus starts: it is the unit."""
+    if np.array_equal(curve.values[i], [curve.parameters[name] for name in curve.varied]):
+        size = abs(float(curve.coefficient[i]))
+        yield Claim.of("coefficient", size, 1.0 if math.isfinite(size) else size, EPS)
+
+
+def _coefficient(curve: Any, i: int) -> Iterator[Claim]:
+    """Yield the coefficient of a normal form; that of a saddle-node has the sign of a vector."""
+    said, form = float(curve.coefficient[i]), curve.point(i).normal_form
+    found = getattr(form, "coefficient", math.nan)
+    if math.isnan(said) or math.isnan(found):
+        return
+    if curve.type == "SN":
+        said, found = abs(said), abs(found)
+    yield Claim.of("coefficient", said, found, VERIFIED_VALUE * max(abs(said), abs(found)))
 
 
 def _turning(curve: Any, name: str, values: NDArray[np.complex128], growth: NDArray[np.float64]) -> float:

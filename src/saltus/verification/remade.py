@@ -14,9 +14,10 @@ from saltus.equilibria.pseudo import beside_two_fold
 from saltus.maps.orbit import MapOrbit
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.observables.outputs import curved
-from saltus.orbits.signature import EVENT_END, MEAN_END
-from saltus.orbits.stability.floquet import multiplier_errors, multipliers, nontrivial, unstable_count
+from saltus.orbits.signature import EARLY, EVENT_END, MEAN_END
+from saltus.orbits.stability.floquet import multiplier_errors, multipliers, nontrivial, or_unknown, unstable_count
 from saltus.scales import (
+    ABOVE_ROUNDING,
     ALGEBRAIC_RESIDUAL,
     EPS,
     EXTREME_SURVEYED,
@@ -24,6 +25,7 @@ from saltus.scales import (
     NEUTRAL,
     NEWTON_ACCEPTED,
     NEWTON_AT_ROUNDING,
+    RESIDUAL_KEPT,
     SENSITIVITIES,
     SPEEDLESS,
     TOUCHING,
@@ -105,7 +107,7 @@ def _of_zero(solution: Any, remade: Any, said: Mapping[str, Any], *, sure: bool)
 
 @claims.register
 def _(solution: PeriodicOrbit, said: Mapping[str, Any]) -> Iterator[Claim]:
-    names = ("x0", "period", "lows", "highs", "multipliers", "admissible", "stable", "residual", "implicit")
+    names = ("x0", "period", "lows", "highs", "multipliers", "admissible", "stable", "residual")
     own = {name: getattr(solution, name) for name in names}
     yield from orbit_claims(solution.problem(), np.array(solution.unknowns), own | dict(said))
 
@@ -113,7 +115,8 @@ def _(solution: PeriodicOrbit, said: Mapping[str, Any]) -> Iterator[Claim]:
 def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[str, Any]) -> Iterator[Claim]:
     """Yield what is said of an orbit, held against a survey of it and its multipliers, both made anew.
 
-    said: properties by the names of the columns of a curve, and ``family`` where it is one of a family.
+    said: properties by the names of the columns of a curve, ``family`` where it is one of a family, and ``sizes`` of
+    the states, shape (state,), where a curve tells them.
     """
     n, count = problem.n, len(problem.system.states)
     J = problem.resolve(u)[1]
@@ -131,11 +134,12 @@ def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[st
     met = problem.event_sizes(u)
     left = max(float(errors.max()), followed(problem.tol) * float(met.max(initial=0.0)))
     yield Claim.of("residual", said["residual"], survey.residual, left)
-    yield Claim.of("residual of the equations", 0.0, survey.residual, left)
-    yield Claim.of("implicit", said["implicit"], survey.implicit, 0.0)
-    touches = _touches(problem, survey, met, period)
+    scale = np.maximum(problem.state_scale[:count], said.get("sizes", 0.0))
+    kept = RESIDUAL_KEPT * max(float(scale.max()), float(met.max(initial=0.0)))
+    yield Claim.of("residual of the equations", 0.0, survey.residual, max(left, kept))
+    touches = _touches(problem, survey, met, u)
     yield Claim.of("admissible", said["admissible"], survey.faults == 0, math.inf if touches else 0.0)
-    values = multipliers(problem, u, J)
+    values = or_unknown(problem, u, survey.rates[:, 0], multipliers(problem, u, J))
     off = _multiplier_errors(problem, u, J, values, period, survey)
     yield _values("multipliers", said["multipliers"], values, off)
     if "stable" in said:
@@ -151,7 +155,8 @@ def _state_errors(problem: OrbitProblem, J: NDArray[np.float64], sizes: NDArray[
     n, rows = problem.n, np.abs(J[:, : problem.size]).reshape(problem.segments, problem.n + 1, -1)
     columns = np.delete(rows[:, :n], np.s_[n :: n + 1], axis=2)
     grown = (columns @ np.tile(sizes, problem.segments)).max(axis=0)
-    return np.asarray(followed(problem.tol) * (sizes + grown))
+    # a state that rests has the absolute error of one that moves elsewhere on the curve
+    return np.asarray(followed(problem.tol) * (sizes + grown + ABOVE_ROUNDING * problem.state_scale))
 
 
 def _output_errors(
@@ -166,12 +171,28 @@ def _output_errors(
         return np.where(peaked, EXTREME_SURVEYED * ranges, 0.0) + share * np.nan_to_num(sizes[n:], nan=1.0)
 
 
-def _touches(problem: OrbitProblem, survey: Survey, sizes: NDArray[np.float64], period: float) -> bool:
-    """Return whether an orbit is so near to a surface, or meets it so slowly, that it may be admissible or not."""
+def _touches(
+    problem: OrbitProblem, survey: Survey, sizes: NDArray[np.float64], u: NDArray[np.float64]
+) -> bool:
+    """Return whether an orbit is so near to a border that it may be admissible or not.
+
+    It touches a surface, meets it slowly, begins or ends on another one, or for no time; or a condition vanishes.
+    """
     size = float(sizes.max(initial=0.0)) or 1.0
-    near = any(np.any(np.abs(table) <= TOUCHING * size) for table in (survey.margins, survey.unmet))
+    durations = np.abs(u[problem.n : problem.size : problem.n + 1])
+    period = float(durations.sum())
+    tables = [survey.margins, survey.unmet, survey.rates[:, 3]]
+    if survey.faults & EARLY:
+        ends, starts = np.array(survey.ahead), np.array(survey.behind)
+        rows, own = np.arange(problem.segments), np.array(problem.signature.transitions)
+        ends[rows[own >= 0], own[own >= 0]] = math.nan
+        before = np.roll(own, 1)
+        starts[rows[before >= 0], before[before >= 0]] = math.nan
+        tables += [ends, starts]
+    if any(np.any(np.abs(table) <= TOUCHING * size) for table in tables) or np.any(durations <= TOUCHING * period):
+        return True
     met = np.isin(problem.kinds, (EVENT_END, MEAN_END))
-    return near or bool(np.any(np.abs(survey.rates[met, 0]) * period <= SPEEDLESS * sizes[met]))
+    return bool(np.any(np.abs(survey.rates[met, 0]) * period <= SPEEDLESS * sizes[met]))
 
 
 def _multiplier_errors(
@@ -180,14 +201,14 @@ def _multiplier_errors(
 ) -> NDArray[np.float64]:  # fmt: skip
     """Return the error of each multiplier; infinite where one is, as at an event without speed."""
     top = float(np.abs(values).max(initial=1.0))
-    if not top < INFINITE:
+    if not top < INFINITE:  # NaN too
         return np.full(values.size, math.inf)
     met = np.isin(problem.kinds, (EVENT_END, MEAN_END))
     rates, sizes = np.abs(survey.rates[met, 0]) * period, problem.event_sizes(u)[met]
     with np.errstate(divide="ignore"):
         slowest = float(np.max(sizes / rates, initial=0.0))
     # the matrix of a column is that of the last Newton step but one
-    rough = (SENSITIVITIES * (followed(problem.tol) + NEWTON_ACCEPTED) + followed(problem.tol) * slowest) * top
+    rough = (followed(problem.tol) + NEWTON_ACCEPTED) * (SENSITIVITIES + slowest) * top
     return np.asarray(SENSITIVITIES * multiplier_errors(problem, u, J, values) + rough)
 
 

@@ -20,7 +20,7 @@ from saltus.maps.orbit import MapOrbit
 from saltus.orbits import PeriodicOrbit
 from saltus.verification.algebraic import EquilibriumCheck, MapOrbitCheck, sizes_of
 from saltus.verification.along import course_rows
-from saltus.verification.columns import column_rows, solution_rows
+from saltus.verification.columns import ELSEWHERE, column_rows, solution_rows
 from saltus.verification.orbits import OrbitCheck
 from saltus.verification.table import Row, Verification, equal, placed, worst
 
@@ -113,14 +113,16 @@ def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> 
     """Return the checks of a special point, the states of the sizes that they have along its curve, if any."""
     point = point.itself
     if point.homoclinic is not None:
-        rows = [*EquilibriumCheck(point.homoclinic.saddle).rows(), *solution_rows(point.solution)]
+        rows = [*EquilibriumCheck(point.homoclinic.saddle).rows(), *solution_rows(point.solution, sizes=sizes)]
         return placed(point.label, rows)
     check, multiplicity = _check(point.solution, sizes), getattr(point, "multiplicity", 1)
     wanted = [point.type] if not point.locus or point.type == point.locus else [point.locus, point.type]
     rows = [row for one in wanted for row in check.condition(one, multiplicity)]
     if point.type not in check.shrinks_at:
         rows += [row for row in check.rows() if not _is_critical(row)]
-    rows += solution_rows(point.solution)
+    if point.type not in check.shrinks_at:
+        told = () if point.type in _AT_SURFACES else ("regular", "admissible")
+        rows += solution_rows(point.solution, [claim for claim in ELSEWHERE if claim not in told], sizes)
     return placed(point.label, rows)
 
 
