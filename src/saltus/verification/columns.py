@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["ELSEWHERE", "column_rows", "solution_rows"]
 
 _AT_TOLERANCE = 1e-12  # of equations without a flow
-ELSEWHERE = ("stable", "regular", "admissible", "multipliers", "period")  # claims that checks of solutions have
+# claims that checks of solutions have
+ELSEWHERE = ("stable", "regular", "admissible", "multipliers", "period", "lows", "highs")
 
 
 def column_rows(curve: Any) -> list[Row]:
