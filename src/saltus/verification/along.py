@@ -90,7 +90,7 @@ def _at_bound(curve: Any, values: NDArray[np.float64]) -> bool:
     bounds = curve.options.get("bounds")
     if not bounds:
         return True
-    listed = [bounds.get(name) for name in curve.varied] if isinstance(bounds, Mapping) else [bounds]
+    listed: list[Any] = [bounds.get(name) for name in curve.varied] if isinstance(bounds, Mapping) else [bounds]
     for value, pair in zip(values.tolist(), listed, strict=False):
         for bound in pair or ():
             width = max(abs(one) for one in pair if math.isfinite(one)) if math.isfinite(bound) else 0.0

@@ -32,18 +32,23 @@ def average_rows(curve: Any, index: int, found: FollowedOrbit) -> list[Row]:
     said = {"mean": curve.means[index] + 0j, "harmonic": curve.harmonics[index]}
     for column, name in enumerate(("mean", "harmonic")):
         for q, quantity in enumerate(curve.quantities):
-            if quantity == phase or quantity in curved(curve.system) or not (np.isfinite(scale[q]) and np.isfinite(fine[q, column])):
+            if (
+                quantity == phase
+                or quantity in curved(curve.system)
+                or not (np.isfinite(scale[q]) and np.isfinite(fine[q, column]))
+            ):
                 continue
-            allowed = (VERIFIED_EXTREME + found.loose) * scale[q] + _ESTIMATES * abs(fine[q, column] - coarse[q, column])
+            allowed = (VERIFIED_EXTREME + found.loose) * scale[q] + _ESTIMATES * abs(
+                fine[q, column] - coarse[q, column]
+            )
             told, value = complex(said[name][q]), complex(fine[q, column])
-            pair = (told.real, value.real) if name == "mean" else (told, value)
-            rows.append(compared(f"{name} {quantity}", *pair, float(allowed)))
+            if name == "mean":
+                told, value = told.real, value.real
+            rows.append(compared(f"{name} {quantity}", told, value, float(allowed)))
     return rows
 
 
-def _moments(
-    curve: Any, found: FollowedOrbit, every: int
-) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+def _moments(curve: Any, found: FollowedOrbit, every: int) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Return means and harmonics, shape (quantity, 2), by every so many samples, and the largest moduli."""
     from scipy.integrate import simpson
 
@@ -54,10 +59,7 @@ def _moments(
         kept = np.unique(np.append(np.arange(0, piece.times.size, every), piece.times.size - 1))
         times, states = piece.times[kept], piece.states[:, kept]
         values = found.reference.quantities(piece.mode, states)
-        if system.phase is None:
-            angle = TURN * (begun + times) / period
-        else:
-            angle = states[-1] * (TURN / system.turn)
+        angle = TURN * (begun + times) / period if system.phase is None else states[-1] * (TURN / system.turn)
         # of a sin(angle + phi): a exp(i phi)
         rows = np.stack([values + 0j, 2.0 * values * (np.sin(angle) + 1j * np.cos(angle))], axis=1)
         if span > 0.0:

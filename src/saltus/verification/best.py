@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from saltus.errors import SaltusError
 from saltus.flow.formulas import read_formula
+from saltus.orbits import solve_orbit
 from saltus.scales import EPS, ILL_CONDITIONED, VERIFIED_EXTREME, VERIFIED_VALUE
 from saltus.verification.table import Row, compared, equal, unchecked
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["fit_rows", "optimum_rows"]
 
+_ROUGH = 1e-5  # what a search leaves of the gradient where rounding ends it
 _STABLE = "stable"  # the constraint on the largest multiplier
 
 
@@ -86,9 +87,6 @@ def _first_order(optimum: Optimum) -> Iterator[Row]:
     yield compared("gradient left", optimum.residual, left, _ROUGH)
 
 
-_ROUGH = 1e-5  # what a search leaves of the gradient where rounding ends it
-
-
 def _gradient(optimum: Optimum, name: str) -> NDArray[np.float64]:
     if name in optimum.orbit.parameters:
         return np.array([float(name == other) for other in optimum.over])
@@ -96,25 +94,33 @@ def _gradient(optimum: Optimum, name: str) -> NDArray[np.float64]:
 
 
 def _along(optimum: Optimum) -> Iterator[Row]:
-    """Yield whether the objective at the end of the path is the best one, and what no other means tells."""
+    """Yield whether the objective on the way is that of orbits solved there, and what no other means tells."""
+    orbit = optimum.orbit
+    segments = [(mode, transition or None, x, duration) for mode, transition, x, duration in orbit.segments]
+    middle = len(optimum.path) // 2
+    place, said = dict(zip(optimum.over, optimum.path[middle].tolist(), strict=True)), optimum.path_objective[middle]
+    try:
+        there = solve_orbit(orbit.system, {**orbit.parameters, **place}, segments)
+        known = optimum.objective in there.parameters
+        found = there.parameters if known else there.observe(optimum.objective)
+        yield _same(f"objective of step {middle}", float(said), float(found[optimum.objective]))
+    except SaltusError as error:
+        yield unchecked(f"objective of step {middle}", float(said), str(error))
     yield unchecked("mismatch and curvature", optimum.curvature, "they are differences between orbits nearby")
-    finite = optimum.path_objective[np.isfinite(optimum.path_objective)]
-    yield equal("path has an objective at each place", len(optimum.path), int(finite.size))
 
 
 def fit_rows(fit: Fit, points: int) -> list[Row]:
     """Return the checks of a fit: its parameters are those of its branches, its residuals those of data and model."""
     rows = []
     for name, value, low, high in zip(fit.names, fit.values, *fit.bounds, strict=True):
-        for branch in fit.branches:
-            if name in branch.parameters and name != fit.along:
-                rows.append(_same(f"value of {name}", float(value), float(branch.parameters[name]), EPS))
+        own = [branch.parameters[name] for branch in fit.branches if name in branch.parameters and name != fit.along]
+        rows += [_same(f"value of {name}", float(value), float(known), EPS) for known in own]
         rows.append(equal(f"{name} within its bounds", True, bool(low <= value <= high)))
     spread = np.diag(fit.covariance)
     rows.append(equal("covariance is that of errors", True, _is_covariance(fit.covariance, spread)))
     for name, (low, high) in fit.profiles.items():
         rows.append(equal(f"{name} within its profile", True, bool(low <= fit[name] <= high)))
-    rows += _residuals(fit)
+    rows += [*_residuals(fit), unchecked("covariance", float(spread[0]), "what is known beforehand is not kept")]
     return [*rows, *_model(fit, points)]
 
 
@@ -132,9 +138,8 @@ def _residuals(fit: Fit) -> Iterator[Row]:
     data = fit.data
     within = data["side"].to_numpy() == 0
     for c, channel in enumerate(map(str, data["channel"].to_numpy().tolist())):
-        if len(fit.formulas.get(channel, ())) != 1 or "measured_im" in data or read_formula(
-            fit.system, fit.formulas[channel][0]
-        ).turn:  # fmt: skip
+        formulas = fit.formulas.get(channel, ())
+        if len(formulas) != 1 or read_formula(fit.system, formulas[0]).turn:
             continue
         measured, model, sigma = (data[name].to_numpy()[:, c] for name in ("measured", "model", "sigma"))
         said, found = data["residual"].to_numpy()[:, c], (model - measured) / sigma

@@ -15,7 +15,7 @@ import numpy as np
 from saltus.continuation.results.orbit_columns import OrbitColumns
 from saltus.errors import SaltusError
 from saltus.maps.orbit import MapOrbit
-from saltus.scales import EPS, LEAST_ALLOWANCE, VERIFIED_VALUE, Verdict, critical_error, zero
+from saltus.scales import EPS, LEAST_ALLOWANCE, VERIFIED_EXTREME, VERIFIED_VALUE, Verdict, critical_error, zero
 from saltus.verification.remade import Claim, claims, orbit_claims
 from saltus.verification.table import AGREES, DIFFERS, Row, unchecked
 
@@ -86,11 +86,11 @@ def _judged(claim: Claim, prefix: str) -> tuple[float, Row]:
 def _differences(said: NDArray[Any], found: NDArray[Any]) -> NDArray[np.float64]:
     """Return the distances of numbers; those that are NaN on both sides, or the same infinity, are equal."""
     if said.dtype == np.bool_ or found.dtype == np.bool_:
-        return (said != found).astype(float)
+        return np.asarray(said != found, dtype=float)
     with np.errstate(invalid="ignore"):
         off = np.abs(said - found)
     equal = (said == found) | (np.isnan(said) & np.isnan(found))
-    return np.where(equal, 0.0, np.nan_to_num(off, nan=math.inf, posinf=math.inf))
+    return np.asarray(np.where(equal, 0.0, np.nan_to_num(off, nan=math.inf, posinf=math.inf)))
 
 
 def _plain(value: Any) -> Any:
@@ -113,8 +113,22 @@ def _orbit(curve: OrbitColumns, i: int) -> Iterator[Claim]:
     if len(curve.varied) == 1:
         fixed = curve._fixed(i)
         said |= {"stable": curve.stable[i], "family": fixed is not None and fixed.family}
+        if fixed is not None:
+            yield Claim.of(*_quantity(curve, i, fixed.quantity))
     yield from orbit_claims(problem, u, said)
     yield from _of_locus(curve, i, curve.multipliers[i], np.abs(curve.multipliers[i]) - 1.0)
+
+
+def _quantity(curve: OrbitColumns, i: int, name: str) -> tuple[str, float, float, float]:
+    """Return the quantity along which a branch goes, as it is said and of the orbit, and the error of that."""
+    orbit, side = curve.solution(i), name[:4]
+    if name == "period":
+        found = orbit.period
+    elif side in ("min_", "max_") and name[4:] in orbit.max:
+        found = (orbit.min if side == "min_" else orbit.max)[name[4:]]
+    else:
+        found = orbit.max[name] if name in orbit.max else orbit.observe(name)[name]
+    return name, float(curve.values[i]), found, VERIFIED_EXTREME * max(abs(found), abs(float(curve.values[i])))
 
 
 def _zero(curve: Any, i: int) -> Iterator[Claim]:
@@ -130,9 +144,7 @@ def _zero(curve: Any, i: int) -> Iterator[Claim]:
     yield from _of_locus(curve, i, values, values.real if kind == "eigenvalues" else np.abs(values) - 1.0)
 
 
-def _of_locus(
-    curve: Any, i: int, values: NDArray[np.complex128], growth: NDArray[np.float64]
-) -> Iterator[Claim]:
+def _of_locus(curve: Any, i: int, values: NDArray[np.complex128], growth: NDArray[np.float64]) -> Iterator[Claim]:
     """Yield what a locus says besides at a point: that nothing but what is critical grows, and the critical pair."""
     if len(curve.varied) < 2:
         return

@@ -31,7 +31,9 @@ def named_rows(curve: Any) -> Iterator[Row]:
     for point in curve.special_points:
         own = (point.type, point.of, point.locus, point.arclength, np.asarray(point.solution.x0).tobytes())
         rows = [
-            _words("label", point.label, _head(point) and labels.count(point.label) == 1, "its type and a number, once"),
+            _words(
+                "label", point.label, _head(point) and labels.count(point.label) == 1, "its type and a number, once"
+            ),
             _words("type", point.type, _known(curve, point), "a type of special points"),
             _words("of", point.of, _of(curve, point), "what a point of its type belongs to"),
             _words("locus", point.locus, point.locus == getattr(curve, "type", ""), "the type of the locus"),
@@ -99,4 +101,4 @@ def _unit(point: SpecialPoint[Any]) -> float:
     if point.type == "PD":
         return float(np.prod(1.0 + np.abs(point.solution.multipliers)))
     sizes = np.abs(point.solution.eigenvalues)
-    return math.prod(a + b for i, a in enumerate(sizes.tolist()) for b in sizes[:i].tolist())
+    return float(math.prod(a + b for i, a in enumerate(sizes.tolist()) for b in sizes[:i].tolist()))

@@ -14,6 +14,7 @@ from saltus.scales import (
     FINEST,
     RESTING,
     ROUGH,
+    SHRUNK,
     VERIFIED_EXTREME,
     VERIFIED_GAP,
     VERIFIED_INFINITE,
@@ -93,6 +94,8 @@ class OrbitCheck:
     ----------
     orbit : PeriodicOrbit
         The orbit.
+    sizes : ndarray, shape (states,), optional
+        Sizes of the states along its curve, over which a cycle may have shrunk to an equilibrium.
 
     Attributes
     ----------
@@ -102,9 +105,9 @@ class OrbitCheck:
 
     shrinks_at = ("HB", "BE")
 
-    def __init__(self, orbit: PeriodicOrbit) -> None:
+    def __init__(self, orbit: PeriodicOrbit, sizes: NDArray[np.float64] | None = None) -> None:
         self.orbit = orbit
-        self.resting = _is_rest(orbit)
+        self.resting = _is_rest(orbit, sizes)
         self.found: FollowedOrbit | None = None
         if not self.resting:
             for stiff in (False, True):
@@ -328,10 +331,12 @@ def _at_border(found: FollowedOrbit, transition: int, x: NDArray[np.float64]) ->
     return bool(held.any() and not held.all())
 
 
-def _is_rest(orbit: PeriodicOrbit) -> bool:
+def _is_rest(orbit: PeriodicOrbit, sizes: NDArray[np.float64] | None) -> bool:
     """Whether an orbit of an autonomous system is an equilibrium, to which cycles shrink."""
     if orbit.system.phase is not None:
         return False
+    if sizes is not None and np.all(np.subtract(*orbit.extremes[::-1]) <= SHRUNK * sizes):
+        return True
     rate = Reference(orbit.system, orbit.parameters).field(orbit.form.modes[0], orbit.states[0][:, None])[:, 0]
     return bool(np.max(np.abs(rate) / _sizes(orbit)) * orbit.period < VERIFIED_REST)
 

@@ -15,7 +15,8 @@ from saltus.maps.orbit import MapOrbit
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.observables.outputs import curved
 from saltus.orbits.signature import EARLY, EVENT_END, MEAN_END
-from saltus.orbits.stability.floquet import multiplier_errors, multipliers, nontrivial, or_unknown, unstable_count
+from saltus.orbits.stability.floquet import multiplier_errors, multipliers, nontrivial, unstable_count
+from saltus.orbits.stability.speedless import or_unknown
 from saltus.scales import (
     ABOVE_ROUNDING,
     ALGEBRAIC_RESIDUAL,
@@ -171,9 +172,7 @@ def _output_errors(
         return np.where(peaked, EXTREME_SURVEYED * ranges, 0.0) + share * np.nan_to_num(sizes[n:], nan=1.0)
 
 
-def _touches(
-    problem: OrbitProblem, survey: Survey, sizes: NDArray[np.float64], u: NDArray[np.float64]
-) -> bool:
+def _touches(problem: OrbitProblem, survey: Survey, sizes: NDArray[np.float64], u: NDArray[np.float64]) -> bool:
     """Return whether an orbit is so near to a border that it may be admissible or not.
 
     It touches a surface, meets it slowly, begins or ends on another one, or for no time; or a condition vanishes.

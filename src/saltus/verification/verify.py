@@ -27,8 +27,8 @@ from saltus.scales import EPS
 from saltus.verification.algebraic import EquilibriumCheck, MapOrbitCheck, sizes_of
 from saltus.verification.along import course_rows
 from saltus.verification.averages import average_rows
-from saltus.verification.columns import ELSEWHERE, column_rows, solution_rows
 from saltus.verification.best import fit_rows, optimum_rows
+from saltus.verification.columns import ELSEWHERE, column_rows, solution_rows
 from saltus.verification.orbits import OrbitCheck
 from saltus.verification.table import Row, Verification, compared, equal, placed, worst
 
@@ -147,7 +147,7 @@ def _check(solution: Any, sizes: NDArray[np.float64] | None = None) -> OrbitChec
 
 @_check.register(PeriodicOrbit)
 def _(solution: PeriodicOrbit, sizes: NDArray[np.float64] | None = None) -> OrbitCheck:
-    return OrbitCheck(solution)
+    return OrbitCheck(solution, sizes)
 
 
 @_check.register(Equilibrium)

@@ -37,6 +37,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
 from saltus.orbits.stability import floquet
 from saltus.orbits.stability.critical import Branching, Critical, Grazing
+from saltus.orbits.stability.speedless import or_unknown
 from saltus.scales import INFINITE, PARAMETER_RESTS, RESONANT, ROUGHEST, SAME_POINT, TOUCHED, TOUCHING
 
 if TYPE_CHECKING:
@@ -292,7 +293,7 @@ class LocusZeroProblem:
         inner = floquet.nontrivial(values, autonomous=self._autonomous)
         unstable = floquet.unstable_count(inner[np.abs(np.abs(inner) - 1.0) > 1e-6])
         others = self._beside(z, values)
-        values = floquet.or_unknown(self.problem, self.orbit(z), survey.rates[:, 0], values)
+        values = or_unknown(self.problem, self.orbit(z), survey.rates[:, 0], values)
         return LocusData(survey, values, unstable, others, angle, coefficient)
 
     def _determinant(

@@ -11,7 +11,7 @@ import numpy as np
 from saltus import scales
 from saltus.orbits.coincidences import at_one_instant, chains, commute, orders, shortest_is_brief
 from saltus.orbits.maps import across_flow, landing_maps, piece_maps, reflector
-from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END
+from saltus.orbits.signature import CLOSED_END, PHASE_END
 from saltus.system.integrals.laws import Leaf
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ __all__ = [
     "multipliers",
     "multipliers_by_order",
     "nontrivial",
-    "or_unknown",
     "passage",
     "undecided",
     "unstable_count",
@@ -167,32 +166,6 @@ def with_errors(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.flo
     rows, columns = np.indices(J.shape)
     signs = np.where((3 * rows + 5 * columns + rows * columns) % 7 % 2, 1.0, -1.0)
     return np.asarray(J * (1.0 + scales.MATRIX_ERROR * max(problem.tol, 1e-14) * signs))
-
-
-def or_unknown(
-    problem: OrbitProblem, u: NDArray[np.float64], rates: NDArray[np.float64], values: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return an orbit's multipliers, NaN where an event is met more slowly than its own speed is known.
-
-    The pencil is 0/0 there: the multipliers have limits on either side, and rounding in place of them. Where one of
-    them is infinite it is told as such.
-
-    Parameters
-    ----------
-    rates : ndarray, shape (segments,)
-        Lie derivative of each segment's event at its end, as a survey has it.
-    """
-    met = np.isin(problem.kinds, (EVENT_END, MEAN_END))
-    if problem.signature.is_cut or not met.any() or np.any(np.abs(values) >= scales.INFINITE):
-        return values
-    period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
-    known = np.abs(rates[met]) * period * scales.ROUGH > scales.followed(problem.tol) * problem.event_sizes(u)[met]
-    if np.all(known):
-        return values
-    unknown = np.full(values.size, complex(math.nan))
-    if problem.system.phase is None:
-        unknown[-1] = 1.0
-    return unknown
 
 
 def undecided(
