@@ -50,7 +50,7 @@ def _words(what: str, said: str, holds: bool, wanted: str) -> Row:
 
 
 def _head(point: SpecialPoint[Any]) -> bool:
-    return re.sub(r"_?\d+$", "", point.label) == point.type
+    return re.fullmatch(re.escape(point.type) + r"_?\d+", point.label) is not None
 
 
 def _events(curve: Any) -> dict[str, Any]:
