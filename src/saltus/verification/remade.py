@@ -116,8 +116,8 @@ def _(solution: PeriodicOrbit, said: Mapping[str, Any]) -> Iterator[Claim]:
 def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[str, Any]) -> Iterator[Claim]:
     """Yield what is said of an orbit, held against a survey of it and its multipliers, both made anew.
 
-    said: properties by the names of the columns of a curve, ``family`` where it is one of a family, and ``sizes`` of
-    the states, shape (state,), where a curve tells them.
+    said: properties by the names of the columns of a curve. ``family`` is whether it is one of a family. ``sizes`` are
+    those of the states, shape (state,), where a curve tells them.
     """
     n, count = problem.n, len(problem.system.states)
     J = problem.resolve(u)[1]
