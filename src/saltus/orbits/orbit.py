@@ -26,6 +26,7 @@ from saltus.orbits.problem import OrbitProblem, follow_from
 from saltus.orbits.rounds import drive_text, repeats_of, rounds_of, winding_of
 from saltus.orbits.signature import Segment, Signature, Survey, events_between, path_of, signature_from
 from saltus.orbits.stability.floquet import multipliers, multipliers_by_order, nontrivial, unstable_count
+from saltus.orbits.stability.speedless import or_unknown
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.result import frozen
 from saltus.solution import Solution
@@ -54,7 +55,7 @@ class PeriodicOrbit(Solution):
     states, durations : ndarray, shapes (pieces, all states) and (pieces,)
         Full state at the start of each piece, and its duration. A piece is a segment, or part of a sensitive one.
     multipliers : ndarray of complex, shape (states,)
-        Floquet multipliers, largest first; an autonomous system's trivial one is last.
+        Floquet multipliers, largest first; an autonomous system's trivial one is last. NaN where an event has no speed.
     residual : float
         Largest residual of the equations: gap between two segments, or distance of a segment's end from its event.
     faults : int
@@ -135,7 +136,7 @@ class PeriodicOrbit(Solution):
         Those of an orbit in a family at fixed parameters may lie on it, but for rounding.
         """
         inner = nontrivial(self.multipliers, autonomous=self.system.phase is None)
-        return unstable_count(inner, neutral=self.fixed is not None and self.fixed.family) == 0
+        return unstable_count(inner, neutral=bool(self.fixed and self.fixed.family)) == 0 and not np.isnan(inner).any()
 
     @property
     def unstable(self) -> int:
@@ -440,11 +441,10 @@ def orbit_at(
 ) -> PeriodicOrbit:  # fmt: skip
     """Return the orbit that solves `problem` at `u`; survey and multipliers are computed unless given."""
     survey = problem.survey(u) if survey is None else survey
-    values = multipliers(problem, u, J) if values is None else values
+    values = or_unknown(problem, u, survey.rates[:, 0], multipliers(problem, u, J)) if values is None else values
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
-    parameters = problem.named_at(u)
     x0 = survey.x0[: len(problem.system.states)]
     return PeriodicOrbit(
-        problem.system, parameters, problem.signature, blocks[:, : problem.n], blocks[:, problem.n], values,
+        problem.system, problem.named_at(u), problem.signature, blocks[:, : problem.n], blocks[:, problem.n], values,
         survey.residual, survey.faults, x0, survey.lows, survey.highs, problem.tol, fixed, survey.implicit,
     )  # fmt: skip

@@ -32,3 +32,6 @@ ON_CORNER = 1e-9
 
 # Amplitude, over the mean size of what oscillates, below which it is rounding of 0.
 AMPLITUDE_ROUNDED = 1e-10
+
+# Rounding of a number that a text has with nine digits: half of the last one, over a leading digit of 1.
+PRINTED = 5e-9

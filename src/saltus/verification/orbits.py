@@ -13,6 +13,8 @@ from saltus.orbits.signature import EVENT_END, MEAN_END
 from saltus.scales import (
     FINEST,
     RESTING,
+    ROUGH,
+    SHRUNK,
     VERIFIED_EXTREME,
     VERIFIED_GAP,
     VERIFIED_INFINITE,
@@ -53,6 +55,7 @@ if TYPE_CHECKING:
 
 __all__ = ["OrbitCheck"]
 
+_SPEEDLESS = "an event is met more slowly than its speed is known: the multipliers are rounding"
 _PARTS = 8  # parts of a period with a derivative each
 _STEPS = 4  # steps of Newton's method from such a cycle to the equilibrium
 
@@ -71,6 +74,7 @@ class FollowedOrbit:
     multipliers: NDArray[np.complex128]  # multipliers without the trivial one
     uncertain: NDArray[np.float64]  # how far each of them may be off
     error: float  # what the flow leaves of its tolerance for each unit of growth, over the states' sizes
+    speedless: bool  # whether an event is met more slowly than its own speed is known
 
     @property
     def loose(self) -> float:
@@ -90,6 +94,8 @@ class OrbitCheck:
     ----------
     orbit : PeriodicOrbit
         The orbit.
+    sizes : ndarray, shape (states,), optional
+        Sizes of the states along its curve, over which a cycle may have shrunk to an equilibrium.
 
     Attributes
     ----------
@@ -99,9 +105,9 @@ class OrbitCheck:
 
     shrinks_at = ("HB", "BE")
 
-    def __init__(self, orbit: PeriodicOrbit) -> None:
+    def __init__(self, orbit: PeriodicOrbit, sizes: NDArray[np.float64] | None = None) -> None:
         self.orbit = orbit
-        self.resting = _is_rest(orbit)
+        self.resting = _is_rest(orbit, sizes)
         self.found: FollowedOrbit | None = None
         if not self.resting:
             for stiff in (False, True):
@@ -144,6 +150,8 @@ class OrbitCheck:
             distance = _least_contact(self.found)
             allowed = VERIFIED_TOUCH + self.found.loose
             return [compared("least distance from a contact without speed", 0.0, distance, allowed)]
+        if self.found.speedless:
+            return [unchecked(f"type {kind}", kind, _SPEEDLESS)]
         known = self.found.uncertain if self.orbit.tolerance > FINEST else np.zeros_like(self.found.uncertain)
         return multiplier_condition(self.found.multipliers, kind, multiplicity, float(known.max(initial=0.0)))
 
@@ -178,7 +186,8 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
     zeros = error > followed(FINEST)
     values, uncertain = spectrum([*steps, across], sizes, dropped=1, error=error * slowest, zeros=zeros)
     return FollowedOrbit(
-        reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain, error
+        reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain, error,
+        speedless=error * slowest > ROUGH,
     )  # fmt: skip
 
 
@@ -243,14 +252,19 @@ def _multipliers(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
     said = orbit.multipliers
     if orbit.system.phase is None:
         said = said[:-1]
-    if np.any(np.abs(said) > VERIFIED_INFINITE):
+    infinite, top = np.any(np.abs(said) > VERIFIED_INFINITE), float(np.abs(found.multipliers).max(initial=0.0))
+    if infinite and (found.speedless or not top < ROUGH * VERIFIED_INFINITE):
         return [unchecked("multipliers", complex(said[0]), "an event has no speed: they are infinite")]
+    if found.speedless:
+        return [unchecked("multipliers", complex(said[0]), _SPEEDLESS)]
     if not np.all(np.isfinite(found.multipliers)):
         return [unchecked("multipliers", complex(said[0]), "beyond the floats, or too near each other")]
     rows = [
         compared(f"multiplier {i + 1}", complex(one), complex(other), allowed)
         for i, (one, other, allowed) in enumerate(matched(said, found.multipliers, found.uncertain))
     ]
+    if not np.all(np.isfinite(said)):
+        rows.append(equal("multipliers", "infinite or unknown", "finite"))
     sure = np.abs(np.abs(found.multipliers) - 1.0) > found.uncertain
     if np.all(sure):
         rows.append(equal("stable", orbit.stable, bool(np.all(np.abs(found.multipliers) < 1.0))))
@@ -326,10 +340,12 @@ def _at_border(found: FollowedOrbit, transition: int, x: NDArray[np.float64]) ->
     return bool(held.any() and not held.all())
 
 
-def _is_rest(orbit: PeriodicOrbit) -> bool:
+def _is_rest(orbit: PeriodicOrbit, sizes: NDArray[np.float64] | None) -> bool:
     """Whether an orbit of an autonomous system is an equilibrium, to which cycles shrink."""
     if orbit.system.phase is not None:
         return False
+    if sizes is not None and np.all(np.subtract(*orbit.extremes[::-1]) <= SHRUNK * sizes):
+        return True
     rate = Reference(orbit.system, orbit.parameters).field(orbit.form.modes[0], orbit.states[0][:, None])[:, 0]
     return bool(np.max(np.abs(rate) / _sizes(orbit)) * orbit.period < VERIFIED_REST)
 

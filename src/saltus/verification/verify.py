@@ -12,15 +12,25 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.core.point_types import CHANGES, accumulates
+from saltus.continuation.results.cascade import Doublings
 from saltus.continuation.results.curve import SolutionCurve
+from saltus.continuation.results.diagram import Diagram
+from saltus.continuation.results.family import Family
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
+from saltus.fitting.result import Fit
 from saltus.maps.orbit import MapOrbit
+from saltus.optimisation.optimum import Optimum
 from saltus.orbits import PeriodicOrbit
+from saltus.scales import EPS
 from saltus.verification.algebraic import EquilibriumCheck, MapOrbitCheck, sizes_of
+from saltus.verification.along import course_rows
+from saltus.verification.averages import average_rows
+from saltus.verification.best import fit_rows, optimum_rows
+from saltus.verification.columns import ELSEWHERE, column_rows, solution_rows
 from saltus.verification.orbits import OrbitCheck
-from saltus.verification.table import Row, Verification, equal, placed, unchecked, worst
+from saltus.verification.table import Row, Verification, compared, equal, placed, unchecked, worst
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,7 +53,7 @@ def verify(result: Any, *, points: int = 9) -> Verification:
     Parameters
     ----------
     result : PeriodicOrbit, Equilibrium, MapOrbit, SpecialPoint, branch or locus
-        What is checked.
+        What is checked; also a `Family`, a `Diagram`, a cascade, an `Optimum` or a `Fit`.
     points : int, optional
         How many solutions of a branch or a locus are checked, besides those next to its special points.
 
@@ -72,7 +82,7 @@ def verify(result: Any, *, points: int = 9) -> Verification:
 
 @singledispatch
 def _rows(result: Any, points: int) -> list[Row]:
-    return list(_check(result).rows())
+    return [*_check(result).rows(), *solution_rows(result)]
 
 
 @_rows.register
@@ -85,16 +95,59 @@ def _(result: SolutionCurve[Any], points: int) -> list[Row]:
     return _curve_rows(result, points)
 
 
+@_rows.register
+def _(result: Family, points: int) -> list[Row]:
+    rows = [*_over(result)]
+    for i, branch in enumerate(result):
+        if branch is not None:
+            place = ", ".join(f"{name} = {values[i]:.6g}" for name, values in result.over.items())
+            rows += [row._replace(place=f"{place}; {row.place}") for row in _curve_rows(branch, points)]
+    return worst(rows)
+
+
+@_rows.register
+def _(result: Diagram, points: int) -> list[Row]:
+    rows = [
+        row._replace(place=f"branch {i}; {row.place}")
+        for i, branch in enumerate(result)
+        for row in _curve_rows(branch, points)
+    ]
+    return worst(rows)
+
+
+@_rows.register
+def _(result: Doublings, points: int) -> list[Row]:
+    rows = [*_point_rows(result.start, None), *_doublings(result)]
+    for k, branch in enumerate(result.branches):
+        rows += [row._replace(place=f"period {2 ** (k + 1)}; {row.place}") for row in _curve_rows(branch, points)]
+    return worst(rows)
+
+
+@_rows.register
+def _(result: Optimum, points: int) -> list[Row]:
+    return [*_rows(result.orbit, points), *optimum_rows(result)]
+
+
+@_rows.register
+def _(result: Fit, points: int) -> list[Row]:
+    rows = [
+        row._replace(place=f"branch {i}; {row.place}")
+        for i, branch in enumerate(result.branches)
+        for row in _curve_rows(branch, points)
+    ]
+    return [*worst(rows), *fit_rows(result, points)]
+
+
 @singledispatch
 def _check(solution: Any, sizes: NDArray[np.float64] | None = None) -> OrbitCheck | EquilibriumCheck | MapOrbitCheck:
     """Return the checks of one solution; the states have the sizes that they have along a curve, if any."""
-    known = "an orbit, an equilibrium, an orbit of a map, a special point, a branch or a locus"
+    known = "an orbit, an equilibrium, an orbit of a map, a special point, a curve or several, an optimum or a fit"
     raise InputError("result", type(solution).__name__, known)
 
 
 @_check.register(PeriodicOrbit)
 def _(solution: PeriodicOrbit, sizes: NDArray[np.float64] | None = None) -> OrbitCheck:
-    return OrbitCheck(solution)
+    return OrbitCheck(solution, sizes)
 
 
 @_check.register(Equilibrium)
@@ -111,7 +164,9 @@ def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> 
     """Return the checks of a special point, the states of the sizes that they have along its curve, if any."""
     point = point.itself
     if point.homoclinic is not None:
-        return placed(point.label, EquilibriumCheck(point.homoclinic.saddle).rows())
+        cycle = solution_rows(point.solution, [one for one in ELSEWHERE if one not in ("lows", "highs")], sizes)
+        rows = [*EquilibriumCheck(point.homoclinic.saddle).rows(), *cycle]
+        return placed(point.label, rows)
     check, multiplicity = _check(point.solution, sizes), getattr(point, "multiplicity", 1)
     wanted = [point.type] if not point.locus or point.type == point.locus else [point.locus, point.type]
     if accumulates(point.type, point.locus):
@@ -119,6 +174,9 @@ def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> 
     rows = [row for one in wanted for row in check.condition(one, multiplicity)]
     if point.type not in check.shrinks_at:
         rows += [row for row in check.rows() if not _is_critical(row)]
+    if point.type not in check.shrinks_at:
+        told = () if point.type in _AT_SURFACES else ("regular", "admissible")
+        rows += solution_rows(point.solution, [claim for claim in ELSEWHERE if claim not in told], sizes)
     return placed(point.label, rows)
 
 
@@ -136,15 +194,42 @@ def _curve_rows(curve: Any, points: int) -> list[Row]:
     for index in chosen:
         check = _check(curve.solution(index), sizes)
         rows += placed(_place(curve, index), check.rows())
+        if isinstance(check, OrbitCheck) and check.found is not None:
+            rows += placed(_place(curve, index), average_rows(curve, index, check.found))
         counts[index] = check.unstable()
         if len(curve.varied) > 1:
             rows += placed(_place(curve, index), check.condition(curve.type))
     rows = worst(rows)
     for point in curve.special_points:
         rows += _point_rows(point, sizes)
+    rows += [*column_rows(curve), *course_rows(curve)]
     if len(curve.varied) == 1:
         rows += list(_account(curve, counts))
     return rows
+
+
+def _over(family: Family) -> Iterator[Row]:
+    """Yield whether each branch has the values by which its family orders it."""
+    for i, branch in enumerate(family):
+        own = {} if branch is None else {k: branch.parameters[k] for k in family.over if k in branch.parameters}
+        for name, value in own.items():
+            said = float(family.over[name][i])
+            yield compared(f"value of {name}", said, value, EPS * abs(value))._replace(place=f"member {i}")
+    missing = sum(branch is None for branch in family)
+    yield equal("members without a branch", len(family.failures), missing)
+
+
+def _doublings(cascade: Doublings) -> Iterator[Row]:
+    """Yield whether each branch of a cascade begins at the doubling before it, with twice the period."""
+    name = cascade.parameter
+    for point, branch in zip(cascade.points, cascade.branches, strict=False):
+        values = branch.values
+        first = abs(point.parameters[name] - values[0])
+        steps = float(np.abs(np.diff(values)).max(initial=0.0))
+        yield compared(f"{name} at the begin", point.parameters[name], float(values[0]), max(steps, first * EPS))
+        periods = np.atleast_1d(branch.period)
+        ratio = float(periods[0] / point.solution.period)
+        yield equal("periods at the begin", 2, round(ratio))._replace(place=point.label)
 
 
 def _chosen(curve: Any, points: int) -> list[int]:

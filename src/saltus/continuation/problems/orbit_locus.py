@@ -38,6 +38,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import TOUCH_END, Survey
 from saltus.orbits.stability import floquet
 from saltus.orbits.stability.critical import Branching, Critical, Grazing
+from saltus.orbits.stability.speedless import or_unknown
 from saltus.scales import INFINITE, PARAMETER_RESTS, RESONANT, ROUGHEST, SAME_POINT, TOUCHED, TOUCHING
 
 if TYPE_CHECKING:
@@ -297,7 +298,9 @@ class LocusZeroProblem:
         values = floquet.multipliers(self.problem, self.orbit(z), self._J) if values is None else values
         inner = floquet.nontrivial(values, autonomous=self._autonomous)
         unstable = floquet.unstable_count(inner[np.abs(np.abs(inner) - 1.0) > 1e-6])
-        return LocusData(survey, values, unstable, self._beside(z, values), angle, coefficient)
+        others = self._beside(z, values)
+        values = or_unknown(self.problem, self.orbit(z), survey.rates[:, 0], values)
+        return LocusData(survey, values, unstable, others, angle, coefficient)
 
     def _determinant(
         self, name: Monitor, mu: float, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]

@@ -91,12 +91,18 @@ def branches_of(held: Contents, dim: str, absent: Sequence[bool], parameter: str
         A variable or attribute is missing, of another shape or out of its range.
     """
     counts = _counts(held, dim)
+    for ragged in ("point", "special"):
+        wanted, name = np.repeat(np.arange(len(absent)), counts.get(ragged, ())), f"{ragged}_{dim}"
+        if name in held.dataset and not np.array_equal(held.array(name, (ragged,), int), wanted):
+            raise InputError(f"variable {name!r}", "another one", f"the {dim} of each {ragged}, as they are counted")
     starts = {ragged: [0, *np.cumsum(sizes).tolist()] for ragged, sizes in counts.items()}
     attributes = held.array("branch_attributes", (dim,), str).tolist()
     shared = {name: held.text(name) for name in _SHARED}
     branches: list[Branch | None] = []
     for i, missing in enumerate(absent):
         if missing:
+            if counts["point"][i] > 0:
+                raise InputError(f"count of {dim} {i}", int(counts["point"][i]), "0, as there is no branch")
             branches.append(None)
             continue
         part = held.dataset.isel({ragged: slice(ends[i], ends[i + 1]) for ragged, ends in starts.items()})

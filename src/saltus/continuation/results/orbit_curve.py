@@ -132,6 +132,7 @@ class OrbitCurve(OrbitColumns):
         if "implicit" in held.dataset:  # absent from earlier files
             implicit = held.array("implicit", point, bool)
         points = special_points_of(held, system, (parameters, varied, fixed), forms, tolerance)
+        _expect_copies(held, quantities, [forms[i].names(system) for i in number.tolist()])
         return cls(
             system=system,
             parameters=parameters,
@@ -155,3 +156,19 @@ class OrbitCurve(OrbitColumns):
             **cls._kept_fields(held),
             **cls._own_fields(held, varied, np.column_stack(cls._varied_columns(held))),
         )
+
+
+def _expect_copies(held: Contents, quantities: tuple[str, ...], signatures: list[tuple[tuple[str, str], ...]]) -> None:
+    """Raise `InputError` where columns for readers, as ``min_x`` and ``signature``, are not those they repeat."""
+    for side, table in (("min", "lows"), ("max", "highs")):
+        values = held.array(table, ("point", "quantity"), finite=False)
+        for i, q in enumerate(quantities):
+            name = f"{side}_{q}"
+            if name not in held.dataset.data_vars:  # that of a phase, or left out by who wrote the file
+                continue
+            if not np.array_equal(held.array(name, ("point",), finite=False), values[:, i], equal_nan=True):
+                raise InputError(f"variable {name!r}", "another one", f"the column of {q!r} in {table!r}")
+    if "signature" in held.dataset:
+        written = [" -> ".join(f"{mode}:{transition}" for mode, transition in names) for names in signatures]
+        if held.array("signature", ("point",), str).tolist() != written:
+            raise InputError("variable 'signature'", "another one", "that of each point's form")

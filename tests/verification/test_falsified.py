@@ -1,0 +1,203 @@
+"""`verify` reads what users see: each column of each kind of result, ends, special points; a falsified one fails."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import saltus
+from falsified import NOTHING, falsifications, falsified, told
+from saltus.continuation.results.special_points import SpecialPoints
+from selection import CAMPAIGN, THOROUGH
+
+BRUSSELATOR = saltus.HybridSystem.smooth({"x": "A - (B + 1)*x + x**2*y", "y": "B*x - x**2*y"}, {"A": 1.2, "B": 1.5})
+HENON = saltus.Map(("x", "y"), {"a": 0.2, "b": 0.3}, {"x": "1 - a*x**2 + y", "y": "b*x"})
+CHAIN = saltus.HybridSystem.smooth({"x": "y", "y": "z", "z": "-al*z - y - x + x**2"}, {"al": 1.2})
+SPRING = saltus.HybridSystem.smooth({"x": "v", "v": "-c*v - x + cos(s)"}, {"c": 0.3, "w": 1.0}, phase=("s", "w"))
+
+# what no answer follows from: units of a restart, how a flow was followed, samples that are made anew
+UNREAD = {"special_scale", "implicit", "special_implicit", "x", "v", "s", "mode"}
+# what stands where nothing is: the saddle of a point that has none
+EMPTY = ("special_saddle", "special_eigenvalue", "start.saddle", "start.eigenvalue")
+# what is an argument of the search, or has a size of its own: that of the coefficient on a locus of orbits
+UNTOLD = {"locus": {"coefficient"}, "optimum": {"limits"}, "cascade": {"start.scale", "start.implicit"}}
+
+
+def impacts(w: float = 1.1) -> saltus.HybridSystem:
+    return saltus.HybridSystem(
+        ("x", "v"), {"k": 1.0, "c": 0.1, "d": 1.0, "e": 0.8, "w": w, "A": 0.4},
+        {"free": saltus.Mode({"x": "v", "v": "A*cos(s) - c*v - k*x"})},
+        [saltus.Transition("free", "free", event="x - d", direction=1, reset={"v": "-e*v"}, name="impact")],
+        phase=("s", "w"), positive=["w"],
+    )  # fmt: skip
+
+
+def equilibria():
+    return saltus.continue_equilibrium(saltus.find_equilibrium(BRUSSELATOR, x0=[1.2, 1.5]), "B", (1.0, 3.2))
+
+
+def map_orbits():
+    return saltus.continue_orbit(saltus.find_orbit(HENON, {}, [0.6, 0.2]), "a", (0.1, 1.0))
+
+
+def branch():
+    return saltus.continue_orbit(saltus.find_orbit(impacts(), x0=[0.0, 0.0]), "A", (0.05, 2.0))
+
+
+def locus():
+    return saltus.continue_locus(branch()["SN1"], ("A", "w"), {"A": (0.05, 2.0), "w": (1.0, 1.2)})
+
+
+def family():
+    return saltus.continue_family(driven(), "w", {"c": [0.2, 0.4]}, (0.9, 1.1), workers=1)
+
+
+def driven():
+    return saltus.find_orbit(SPRING, x0=[0.0, 0.0])
+
+
+def quantity():
+    held = [(mode, end or None, x, duration) for mode, end, x, duration in driven().segments]
+    orbit = saltus.solve_orbit(SPRING, {"c": 0.3, "w": 1.0}, held, fix={"max_x": 3.0}, free="c")
+    return saltus.continue_orbit(orbit, "max_x", (2.0, 4.0))
+
+
+def cascade():
+    diagram = saltus.diagram(CHAIN, "al", (0.5, 1.5), x0=[0.0, 0.0, 0.0])
+    return saltus.follow_cascade(diagram[1]["PD1"], (0.5, 1.5), doublings=2)
+
+
+def optimum():
+    return saltus.optimise(driven(), maximise="amplitude(x, 1)", vary={"w": (0.5, 2.0)})
+
+
+def fit():
+    w = np.linspace(0.6, 1.4, 9)
+    data = {"w": w, "amplitude(x, 1)": 1.0 / np.hypot(1.0 - w**2, 0.2 * w)}
+    curve = saltus.continue_orbit(driven(), "w", (0.5, 1.5))
+    return saltus.fit(data, curve, {"c": (0.05, 1.0)}, {"amplitude(x, 1)": 0.01})
+
+
+@pytest.fixture(scope="module")
+def rest():
+    return equilibria()
+
+
+@pytest.fixture(scope="module")
+def forced():
+    return branch()
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("stable", "column stable"), ("eigenvalue_re", "column eigenvalues"), ("residual", "column residual")],
+)
+def test_a_wrong_column_of_equilibria_is_found_at_one_point(rest, name, what):
+    assert what in told(rest, name, "one")
+
+
+@pytest.mark.parametrize("name", ["stable", "multiplier_re"])
+def test_a_wrong_column_of_map_orbits_is_found_everywhere(name):
+    assert told(map_orbits(), name, "all") != NOTHING
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("admissible", "column admissible"), ("period", "column period"), ("x0", "column x0"), ("highs", "column highs")],
+)
+def test_a_wrong_column_of_orbits_is_found_at_one_point(forced, name, what):
+    changed = falsified(forced.to_xarray().drop_vars(["max_x", "max_v"]), name, "one")
+    wrong = saltus.verify(type(forced).from_xarray(changed), points=2)
+    assert what in {row.what for row in wrong.failures}
+
+
+def test_means_are_found_wrong_by_means_of_scipy(forced):
+    wrong = saltus.verify(replace(forced, means=forced.means + 1e-3), points=2)
+    assert {"column means", "mean x", "mean v"} <= {row.what for row in wrong.failures}
+
+
+def test_a_column_that_repeats_another_one_is_refused(forced):
+    for name in ("max_x", "signature"):
+        with pytest.raises(saltus.SaltusError, match=f"variable '{name}' = 'another one'"):
+            type(forced).from_xarray(falsified(forced.to_xarray(), name, "one"))
+
+
+@pytest.mark.parametrize("end", [0, 1])
+@pytest.mark.parametrize(
+    "reason", ["B = 2: bound reached", "the branch is closed", "B = 2.5: step below 1e-8", "the start"]
+)
+def test_an_invented_end_is_found(rest, end, reason):
+    inner = rest.values[1:-1].copy()
+    kept = {name: getattr(rest, name)[1:-1] for name in ("stable", "residual", "regular", "eigenvalues", "mode")}
+    cut = replace(
+        rest, values=inner, states=rest.states[1:-1], arclength=rest.arclength[1:-1] - rest.arclength[1], **kept,
+        special_points=SpecialPoints([replace(rest["HB1"], position=rest["HB1"].position - 1.0,
+                                              arclength=rest["HB1"].arclength - rest.arclength[1])], rest.varied),
+    )  # fmt: skip
+    told_ends = tuple(reason if i == end else "interrupted" for i in (0, 1))
+    wrong = saltus.verify(replace(cut, stopped=told_ends), points=2)
+    what = f"stopped, at the {'last' if end else 'first'} point"
+    assert any(row.what.startswith(what) for row in wrong.failures), wrong
+    assert saltus.verify(replace(cut, stopped=("interrupted", "interrupted")), points=2).passed
+
+
+def test_a_renamed_a_copied_and_a_dropped_point_are_found(rest):
+    hopf = rest["HB1"]
+    for points in (
+        [replace(hopf, type="SN", label="SN1")], [hopf, hopf], [hopf, replace(hopf, label="HB2")],
+        [replace(hopf, label="HB")], [replace(hopf, position=hopf.position + 3.0)], [],
+    ):  # fmt: skip
+        wrong = saltus.verify(replace(rest, special_points=SpecialPoints(points, rest.varied)), points=2)
+        assert not wrong.passed
+
+
+def test_a_claim_of_all_points_is_one_row(rest):
+    wrong = saltus.verify(replace(rest, stable=~rest.stable))
+    assert [row.what for row in wrong].count("column stable") == 1
+
+
+@pytest.mark.campaign
+def test_a_doubling_that_ends_at_a_grazing_has_unknown_multipliers_there():
+    # the product is e**2*exp(-c*T) on either side; at an impact without speed it is 0/0 of the equations
+    start = saltus.continue_orbit(saltus.find_orbit(impacts(0.7), x0=[0.0, 0.0]), "A", (0.05, 2.0))
+    found = saltus.continue_locus(start["PD1"], ("A", "w"), {"A": (0.05, 2.0), "w": (0.6, 0.8)})
+    assert abs(found.values[0, 1] - np.sqrt(1.0 - 0.0025) * 2.0 / 3.0) < 1e-9
+    for values in (found.multipliers[0], found.solution(0).multipliers, found["GR1"].orbit.multipliers):
+        assert np.all(np.isnan(values))
+    assert not found.solution(0).stable
+    product = np.prod(found.multipliers[1:], axis=1).real
+    assert np.allclose(product, 0.64 * np.exp(-0.1 * found.period[1:]), rtol=1e-8)
+    checked = saltus.verify(found)
+    assert checked.passed, checked
+    assert "multipliers" in {row.what for row in checked.unchecked}
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        *(pytest.param(kind, marks=CAMPAIGN) for kind in (equilibria, map_orbits, locus, quantity, optimum)),
+        *(pytest.param(kind, marks=THOROUGH) for kind in (branch, family, cascade)),
+    ],
+)
+def test_every_variable_that_is_falsified_is_found(made):
+    result = made()
+    assert saltus.verify(result).passed
+    dataset = result.to_xarray()
+    passed = [
+        (name, how)
+        for name, how in falsifications(dataset)
+        if name.removeprefix("orbit0_") not in UNREAD | UNTOLD.get(made.__name__, set())
+        and not name.startswith(EMPTY)
+        and told(result, name, how) == NOTHING
+    ]
+    assert not passed
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", ["fitted", "fit_residual", "fit_measured", "fit_model", "fit_x"])
+def test_a_fit_that_is_falsified_is_found(name):
+    found = fit()
+    assert saltus.verify(found).passed
+    assert told(found, name, "all") != NOTHING
