@@ -224,7 +224,9 @@ def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
         by_events = f"{error.wrong_by_events} of {error.cells_by_events} followed one by one"
         add_row(table, "wrong labels", f"{anew}: < {error.bound:.2g} at 95 %; {by_events}")
         if error.nowhere:
-            add_row(table, "on no attractor", f"{error.nowhere} of them; missed: {error.missed or 'none that is known'}")
+            add_row(
+                table, "on no attractor", f"{error.nowhere} of them; missed: {error.missed or 'none that is known'}"
+            )
     if inputs:
         for name in ("engine", "tolerance", "preview", "saltus_version"):
             if name in given:

@@ -14,7 +14,8 @@ import numpy as np
 
 from saltus import checks
 from saltus.basins.attractors.missed import KnownAttractor, missed_by
-from saltus.basins.map.patience import approach
+from saltus.basins.attractors.pace import approach
+from saltus.basins.map.patience import NEARER
 from saltus.basins.wilson import wilson
 from saltus.ensemble.traps import UNDECIDED
 from saltus.errors import InputError
@@ -131,7 +132,7 @@ def compared(
     decays = {known[name]: decay for name, decay in getattr(attractors, "decays", {}).items()}
     strict = labelling.stricter(tolerance, {known[name]: held[name] for name in held}, decays)
     others = strict.of(points)
-    creeping = {label for label, decay in decays.items() if approach(decay) > strict.longest}
+    creeping = {label for label, decay in decays.items() if approach(decay, NEARER) > strict.longest}
     lost = others == UNDECIDED
     untold = lost & np.isin(labels, list(creeping))
     nowhere = lost & ~untold
