@@ -58,10 +58,18 @@ def grows(growth: Growth) -> bool:
 def shrinking(growth: Growth) -> float:
     """Return the slowest rate per unit of time, below 0, at which motions come to the set to which one leads.
 
-    It is the largest exponent that is clearly below 0; ``-inf`` without one, or where perturbations grow.
+    It is the largest exponent that is clearly below 0; ``-inf`` without one, or where perturbations grow. Perturbations
+    that have not changed by a factor e have not turned to their directions either: of their exponents only the sum is
+    known, and one of them is that of the set.
     """
-    clear = growth.exponents[growth.exponents < -BY_CHANCE * growth.errors]
-    return -math.inf if grows(growth) else float(clear.max(initial=-math.inf))
+    if grows(growth):
+        return -math.inf
+    rates = growth.exponents
+    mixed = np.abs(rates) * growth.times[-1] < 1.0
+    if mixed.sum() > 1:
+        rates = np.append(rates[~mixed], rates[mixed].sum() / (mixed.sum() - 1))
+        return float(rates[rates < 0.0].max(initial=-math.inf))
+    return float(rates[rates < -BY_CHANCE * growth.errors].max(initial=-math.inf))
 
 
 def check_contraction(ensemble: Ensemble | MapEnsemble, starts: NDArray[np.float64], longest: int) -> None:
