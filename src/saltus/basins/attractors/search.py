@@ -209,7 +209,9 @@ class AttractorSearch(PeriodicSearch):
         try:
             growth = self.ensemble.growth(x, mode, strobes, None)
             modes, touches = self.ensemble.visited(x, mode, _WINDOW)
-            if preserves(growth, strobes, self.options.longest) or self._keeps_volumes(growth, x, mode):
+            # behind an event all motions may be on one line, whatever volumes do: a thermostat's cycle attracts at once
+            held = not touches and self._keeps_volumes(growth, x, mode)
+            if held or preserves(growth, strobes, self.options.longest):
                 self.neutral += 1
                 return None
         except SaltusError:
