@@ -143,7 +143,7 @@ class AttractorSearch(PeriodicSearch):
             if any(transient.carries(clouds[i], self.scale) for transient in self.dropped):
                 continue
             if not (cloud := Cloud(clouds[i], self.scale)).stationary():
-                if in_vain < MOST_ATTEMPTS and (centre := _centre(clouds[i], self.scale)) is not None:
+                if own is None and in_vain < MOST_ATTEMPTS and (centre := _centre(clouds[i], self.scale)) is not None:
                     remaining[i] = not self._spirals_in(clouds[i], *centre, int(modes[i]))
                     in_vain += remaining[i]
                     if not remaining[i]:
