@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.basins.attractors.found import LIMIT_CYCLE
+from saltus.basins.attractors.pace import SAFETY, WORTH, approach
 from saltus.basins.attractors.trap_growth import LEFT_OVER, SOON, Enlarging, pieces
 from saltus.basins.attractors.trapping import CONTRACTING, OrbitEllipsoids
 from saltus.basins.attractors.visited_boxes import boxes_along
@@ -47,6 +48,11 @@ _TIMES = 6.0  # time for measuring regions, planes aside, over the time for labe
 _FEWEST_SAMPLES = 1000  # default samples of a region, at least
 _MOST_SAMPLES = 20_000  # the same, at most
 
+_LEAST_SAMPLES = 100  # the same of attractors so slow that more would take minutes
+_ROUNDS = 20  # rounds of samples that making a region takes
+
+_FAR = 100.0  # distance of motions from an attractor, over the size of its region
+
 _PILOT = 64  # motions that tell how much time others take
 _PILOT_LONGEST = 1024  # strobes for which such a motion is followed, at most
 
@@ -71,6 +77,10 @@ class Building:
         self.ellipsoids: dict[int, OrbitEllipsoids] = {}
         self.cells: Cells | None = None
         self.samples = _FEWEST_SAMPLES
+        # strobes for which motions are followed: as given, or as long as the slowest attractor asks for
+        slowest = max((approach(each.decay, _FAR) for each in found), default=0)
+        worth = int(search.budget / max(search.options.starts, 1))
+        self.longest = max(search.options.longest, min(slowest, WORTH, worth))
         self.pilots: NDArray[np.float64] | None = None
 
     def traps(self) -> Traps:
@@ -142,7 +152,7 @@ class Building:
         if found.cage is not None and not search.in_lanes(inner.centres[:1]):
             return None
         enlarging = Enlarging(
-            search.ensemble, settles, 2.0 * search.scale, self._others({label}), search.rng, search.options
+            search.ensemble, settles, 2.0 * search.scale, self._others({label}), search.rng, search.options, found.decay
         )
         self.wholes[label] = enlarging.grown(inner)
         return enlarging
@@ -152,6 +162,9 @@ class Building:
         search, longest = self.search, min(self.search.options.longest, _PILOT_LONGEST)
         if search.options.samples is not None:
             return search.options.samples
+        halving = max((approach(self.found[label].decay, 2.0) for label in self.wholes), default=0)
+        most = _MOST_SAMPLES if halving < SOON else int(search.budget / (_ROUNDS * halving / SAFETY))
+        most = int(np.clip(most, _LEAST_SAMPLES, _MOST_SAMPLES))
         spent = search.spent - begun
         each = 0.0
         for whole in self.wholes.values():
@@ -161,7 +174,7 @@ class Building:
         labelled = self._labelled(self.wholes, longest)
         left = _TIMES * labelled - spent
         cost = _TO_THE_CORE * each + _ENTRIES * labelled / search.motions
-        return int(np.clip(left / max(cost, 1.0), _FEWEST_SAMPLES, _MOST_SAMPLES))
+        return min(int(np.clip(left / max(cost, 1.0), _FEWEST_SAMPLES, _MOST_SAMPLES)), most)
 
     def _labelled(self, regions: Mapping[int, OrbitEllipsoids], longest: int) -> float:
         """Return the periods of lanes to label all motions with given regions, estimated from a few motions."""
@@ -202,7 +215,7 @@ class Building:
         """
         cut = False
         for _ in range(_ENTERING):
-            labels, states, elsewhere = self._entries()
+            labels, states, elsewhere = self._entries(enlarging)
             if not elsewhere.any():
                 break
             cut = True
@@ -212,13 +225,15 @@ class Building:
         else:
             self.ellipsoids = {label: whole for label, whole in self.wholes.items() if self.found[label].cage is None}
         if cut:  # by these motions regions were cut: fresh ones measure
-            labels, _, elsewhere = self._entries()
+            labels, _, elsewhere = self._entries(enlarging)
         return {
             label: (int((elsewhere & (labels == label)).sum()), int((labels == label).sum()))
             for label in np.unique(labels).tolist()
         }
 
-    def _entries(self) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.bool_]]:
+    def _entries(
+        self, enlarging: Mapping[int, Enlarging]
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.bool_]]:
         """Return labels and states of motions that enter cut ellipsoids, and whether they end elsewhere.
 
         There are fewer motions where lanes leave many over.
@@ -228,12 +243,13 @@ class Building:
         if not cut:
             return np.empty(0, np.uint8), np.empty((0, len(search.low))), np.empty(0, bool)
         left_over, found = search.ensemble.left_over, []
+        soon = max(enlarging[label].patience(self.ellipsoids[label], self.wholes[label], SOON) for label in cut)
         for count in pieces(self.samples):
             x = search.rng.uniform(search.low, search.high, (count, len(search.low)))
             labels, states, modes = search.ensemble.arrivals(x, self._regions(self.ellipsoids), SOON)
             entering = np.isin(labels, cut)
             labels, states, modes = labels[entering], states[entering], modes[entering]
-            ends, periods = search.ensemble.settle(states, self._regions(self.wholes), SOON, modes)
+            ends, periods = search.ensemble.settle(states, self._regions(self.wholes), soon, modes)
             beyond = periods > 0
             found.append((labels[beyond], states[beyond], (ends != labels)[beyond]))
             if search.ensemble.left_over > left_over + LEFT_OVER:
@@ -318,7 +334,7 @@ class Building:
 
     def _left(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> dict[int, tuple[int, int]]:
         """Return for each label: motions labelled by its boxes that get another label by longer stays, and all."""
-        search, longest = self.search, self.search.options.longest
+        search, longest = self.search, self.longest
         labels, _ = search.ensemble.settle(starts, traps, longest)
         boxed = np.isin(labels, np.unique(cells.labels))
         strict = replace(cells, visits=_LONGER * cells.visits)

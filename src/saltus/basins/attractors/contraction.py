@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.errors import InputError, SaltusError
+from saltus.scales import BY_CHANCE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     from saltus.ensemble.map_ensemble import MapEnsemble
     from saltus.flow.variational import Growth
 
-__all__ = ["check_contraction", "nothing_attracts", "preserves"]
+__all__ = ["check_contraction", "grows", "keeps", "nothing_attracts", "preserves", "shrinking"]
 
 _MOTIONS = 8  # motions along which volumes are watched
 _PERIODS = 16  # strobes for which they are watched
@@ -40,6 +42,34 @@ def preserves(growth: Growth, periods: int, longest: int) -> bool:
     """
     change = float(growth.logs.sum()) / periods
     return math.isfinite(change) and abs(change) * longest < _NEGLIGIBLE
+
+
+def keeps(growth: Growth) -> bool:
+    """Return whether the mean change of volumes along a motion is 0 within its error."""
+    whole = replace(growth, logs=growth.logs.sum(axis=1, keepdims=True))
+    return bool(abs(float(whole.exponents[0])) <= BY_CHANCE * float(whole.errors[0]))
+
+
+def grows(growth: Growth) -> bool:
+    """Return whether a perturbation grows along a motion, clearly."""
+    return bool((growth.exponents > BY_CHANCE * growth.errors).any())
+
+
+def shrinking(growth: Growth) -> float:
+    """Return the slowest rate per unit of time, below 0, at which motions come to the set to which one leads.
+
+    It is the largest exponent that is clearly below 0; ``-inf`` without one, or where perturbations grow. Perturbations
+    that have not changed by a factor e have not turned to their directions either: of their exponents only the sum is
+    known, and one of them is that of the set.
+    """
+    if grows(growth):
+        return -math.inf
+    rates = growth.exponents
+    mixed = np.abs(rates) * growth.times[-1] < 1.0
+    if mixed.sum() > 1:
+        rates = np.append(rates[~mixed], rates[mixed].sum() / (mixed.sum() - 1))
+        return float(rates[rates < 0.0].max(initial=-math.inf))
+    return float(rates[rates < -BY_CHANCE * growth.errors].max(initial=-math.inf))
 
 
 def check_contraction(ensemble: Ensemble | MapEnsemble, starts: NDArray[np.float64], longest: int) -> None:

@@ -250,7 +250,7 @@ def _assembled(
         built = Building(search, found)
         traps = built.traps()
     names = names or _named(search.system, found)
-    labels, periods = search.ensemble.settle(starts, built.with_virtual, search.options.longest)
+    labels, periods = search.ensemble.settle(starts, built.with_virtual, built.longest)
     labels[(labels >= len(found)) & (labels < DIVERGED)] = UNDECIDED
     search.reporter.finish()
     outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}

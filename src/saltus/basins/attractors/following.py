@@ -79,6 +79,8 @@ class FollowedMotions:
         self.neutral = 0
         self.motions, self.reporter = options.motions or _MOTIONS, reporter or Reporter(False)
 
+    budget = 2e7  # strobes that the regions of one attractor, or the fates of all starts, may take: tens of seconds
+
     @property
     def sampled(self) -> bool:
         """Whether strobes are returns to a section: those of a system with a phase, and the states of a map."""

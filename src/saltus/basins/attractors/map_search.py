@@ -31,6 +31,7 @@ class MapSearch(AttractorSearch):
 
     system: Map
     by_mode = False  # the state decides which piece holds
+    budget = 5e8  # iterations take far less than strobes
 
     @property
     def sampled(self) -> bool:

@@ -23,9 +23,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.basins.attractors.cloud import Cloud
-from saltus.basins.attractors.contraction import check_contraction, nothing_attracts, preserves
+from saltus.basins.attractors.cloud import EXTENT, Cloud
+from saltus.basins.attractors.contraction import (
+    check_contraction,
+    grows,
+    keeps,
+    nothing_attracts,
+    preserves,
+    shrinking,
+)
 from saltus.basins.attractors.found import LIMIT_CYCLE, NEAR, REST, SAME, Found, Stay
+from saltus.basins.attractors.pace import approach
 from saltus.basins.attractors.periodic import LONGEST, MOST_ATTEMPTS, PeriodicSearch, in_order
 from saltus.ensemble.traps import DIVERGED, Traps
 from saltus.errors import SaltusError
@@ -36,6 +44,8 @@ from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from saltus.flow.variational import Growth
 
 
 __all__ = ["AttractorSearch"]
@@ -54,13 +64,20 @@ _LIVES = 10.0  # mean stay on an attractor, in times `AttractorOptions.longest`,
 
 _TRANSIENTS = 16  # transients found after which only periodic orbits count: a growing angle makes endless copies
 
+_LONGER = 4  # times as many strobes decide whether volumes keep their size
 _NEUTRAL = 4  # motions of constant volume after which only periodic orbits count
 
 _FOLLOWED = "looking for attractors"  # what a report says of motions from the starts
 
 
 class AttractorSearch(PeriodicSearch):
-    """The search for all attractors; its arguments are those of `FollowedMotions`."""
+    """The search for all attractors; its arguments are those of `FollowedMotions`.
+
+    `relaxed` is how many strobes motions were followed besides, so that they come to slow attractors.
+    """
+
+    relaxed = 0
+    _relaxing = 0
 
     def follow(self, x: NDArray[np.float64]) -> None:
         """Follow motions from given states until each has settled or is given up."""
@@ -126,6 +143,11 @@ class AttractorSearch(PeriodicSearch):
             if any(transient.carries(clouds[i], self.scale) for transient in self.dropped):
                 continue
             if not (cloud := Cloud(clouds[i], self.scale)).stationary():
+                if own is None and in_vain < MOST_ATTEMPTS and (centre := _centre(clouds[i], self.scale)) is not None:
+                    remaining[i] = not self._spirals_in(clouds[i], *centre, int(modes[i]))
+                    in_vain += remaining[i]
+                    if not remaining[i]:
+                        continue
                 # strobes that nearly lock to a cycle see no curve
                 if not sampled and in_vain < MOST_ATTEMPTS:
                     found = self._cycle_near(clouds[i, -1], x[i], int(modes[i]))
@@ -136,12 +158,25 @@ class AttractorSearch(PeriodicSearch):
                 continue
             members = [j for j in np.flatnonzero(remaining) if j == i or cloud.same(clouds[j])]
             found = self._featured(clouds[i], x[i], int(modes[i]), last=last)
+            if self._relaxing:  # all motions come to it, and to its like, before they are told apart
+                return self._relaxed(x[remaining], modes[remaining], own, last=last)
             if found is None:
                 settling[members] = True
                 continue
             self.found.append(found)
             remaining[members] = False
         return x[remaining], modes[remaining]
+
+    def _relaxed(
+        self, x: NDArray[np.float64], modes: NDArray[np.int64], own: Found | None, *, last: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Follow unsettled motions for as long as they take to a slow attractor, and tell them apart then."""
+        self.relaxed, count = self.relaxed + self._relaxing, self._relaxing
+        self._relaxing = 0
+        ends, at = self.ensemble.strobe(x, modes, count)
+        kept = self._bounded(ends)
+        self.astray = np.concatenate([self.astray, x[~kept]])
+        return self._find_aperiodic(ends[kept], at[kept], own, last=last)
 
     def _find_long(
         self,
@@ -174,12 +209,21 @@ class AttractorSearch(PeriodicSearch):
         try:
             growth = self.ensemble.growth(x, mode, strobes, None)
             modes, touches = self.ensemble.visited(x, mode, _WINDOW)
+            # behind an event all motions may be on one line, whatever volumes do: a thermostat's cycle attracts at once
+            held = not touches and self._keeps_volumes(growth, x, mode)
+            if held or preserves(growth, strobes, self.options.longest):
+                self.neutral += 1
+                return None
         except SaltusError:
             return None
-        if preserves(growth, strobes, self.options.longest):
-            self.neutral += 1
-            return None
         exponent, error = (float(value[0]) * period for value in (growth.exponents, growth.errors))
+        slow = shrinking(growth) * period
+        wanted = approach(math.exp(slow), 1.0 / NEAR)
+        if wanted > strobes:
+            self._relaxing = max(min(wanted, int(self.budget / self.options.starts)) - self.relaxed, 0)
+            if self._relaxing:
+                return None
+            error = max(error, -slow)  # directions are slow as well to turn to the one that shrinks least
         rounding = criteria.noise * self.options.tolerance * self.scale
         kind = classify(cloud, exponent, error, criteria, rounding, autonomous=not sampled)
         is_periodic = kind.period > 0
@@ -198,8 +242,37 @@ class AttractorSearch(PeriodicSearch):
             None,
             frozenset(self.system.mode_names[k] for k in modes),
             touches,
+            decay=math.exp(slow) if wanted > strobes else math.nan,
         )
         return found if sampled or exponent > criteria.exponent + error else self._as_limit_cycle(found, x, mode)
+
+    def _keeps_volumes(self, growth: Growth, x: NDArray[np.float64], mode: int) -> bool:
+        """Return whether volumes keep their mean size on a motion that is not chaotic: then it attracts nothing.
+
+        Where that is so within the error of the mean, a longer look decides.
+        """
+        if keeps(growth) and not grows(growth):
+            return keeps(self.ensemble.growth(x, mode, _LONGER * 2 * _WINDOW, None))
+        return False
+
+    def _spirals_in(self, cloud: NDArray[np.float64], centre: NDArray[np.float64], turns: int, mode: int) -> bool:
+        """Return whether a motion comes nearer to a stable orbit about which it turns; a new orbit is added."""
+        found = self._corrected(centre, mode, turns)
+        if found is None or not found.period:
+            return False
+        known = next((other for other in self.found if self._alike(other, found)), None)
+        if known is None and not self.contracts(found):
+            return False
+        ellipsoid = found.ellipsoid if known is None else known.ellipsoid
+        if ellipsoid is None:
+            return False
+        sizes = ellipsoid.sizes(cloud).min(axis=1)
+        first, second = np.array_split(sizes, 2)
+        if not second.max() < first.max():
+            return False
+        if known is None:
+            self.found.append(found)
+        return True
 
     def _cycle_near(self, x: NDArray[np.float64], start: NDArray[np.float64], mode: int) -> Found | None:
         """Return the stable limit cycle on which a motion of a system without a phase is; None without one."""
@@ -270,6 +343,21 @@ class AttractorSearch(PeriodicSearch):
         """Return how many motions diverge; motions astray may also have events that accumulate."""
         labels, _ = self.ensemble.settle(x, Traps(len(self.low), limit=self.limit), longest)
         return int((labels == DIVERGED).sum())
+
+
+def _centre(path: NDArray[np.float64], scale: NDArray[np.float64]) -> tuple[NDArray[np.float64], int] | None:
+    """Return the state about which a path, shape (k, n), turns ever nearer, and after how many strobes it is back.
+
+    None for a path that does not shrink. A slow spiral's mean is far nearer to its centre than any of its states.
+    """
+    whole = np.ptp(path, axis=0)
+    parts = {turns: path[len(path) % turns :: turns] for turns in range(1, LONGEST + 1)}
+    turns = next((k for k, part in parts.items() if (np.ptp(part, axis=0) < 0.5 * whole + EXTENT * scale).all()), 1)
+    first, second = np.array_split(parts[turns], 2)
+    before, after = np.ptp(first, axis=0), np.ptp(second, axis=0)
+    if (after > before + EXTENT * scale).any() or not (after < before).any():
+        return None
+    return np.asarray(second.mean(axis=0)), turns
 
 
 def _mean_count(before: int, after: int) -> float:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.basins.attractors.pace import WORTH, approach
 from saltus.errors import ConvergenceError
 
 if TYPE_CHECKING:
@@ -64,6 +65,8 @@ class Enlarging:
     rng : numpy.random.Generator
     options : AttractorOptions
         Longest follow-up of samples, and the places of planes relative to samples that end elsewhere.
+    decay : float, optional
+        Factor by which distances from the attractor shrink in a strobe: samples have as long as their approach takes.
 
     Attributes
     ----------
@@ -79,9 +82,10 @@ class Enlarging:
         others: NDArray[np.float64],
         rng: np.random.Generator,
         options: AttractorOptions,
+        decay: float = math.nan,
     ) -> None:
         self.ensemble, self.settles, self.widest, self.others = ensemble, settles, widest, others
-        self.rng, self.options = rng, options
+        self.rng, self.options, self.decay = rng, options, decay
         self.samples = options.samples or _GROWN
 
     def grown(self, inner: OrbitEllipsoids) -> OrbitEllipsoids:
@@ -92,8 +96,9 @@ class Enlarging:
         inner : OrbitEllipsoids
             Where samples contract.
         """
-        longest, region = min(self.options.longest, _LONG * SOON), inner
+        region = inner
         while (larger := self._larger(region)) is not None:
+            longest = self.patience(larger, region, min(self.options.longest, _LONG * SOON))
             leaving = self._leaving(larger, region, _GROWN, longest, enough=1)
             if leaving is None or len(leaving):
                 break
@@ -117,11 +122,12 @@ class Enlarging:
         ConvergenceError
             Samples end elsewhere from ellipsoids that are hardly larger than `core`.
         """
-        longest = min(self.options.longest, _LONG * SOON)
+        soon = min(self.options.longest, _LONG * SOON)
         region = region.at(max(self.options.safety * region.level, inner.level))
         least = min(_LEAST * core.level, inner.level)
         while True:
             last = _SHRINKING * region.level < least
+            longest = self.patience(region, core, soon)
             leaving = self._leaving(region, core, self.samples, longest, enough=1, patient=last)
             if leaving is not None and not len(leaving):
                 return region
@@ -170,8 +176,12 @@ class Enlarging:
 
     def elsewhere(self, region: OrbitEllipsoids, core: OrbitEllipsoids, samples: int) -> tuple[int, int]:
         """Return how many fresh samples in a region do not end in `core`, and from how many a motion may start."""
-        bad, barred = self._bad(region, samples, core, self.options.longest)
+        bad, barred = self._bad(region, samples, core, self.patience(region, core, self.options.longest))
         return len(bad), samples - barred
+
+    def patience(self, region: OrbitEllipsoids, within: OrbitEllipsoids, soon: int) -> int:
+        """Return how many strobes motions have from one region to a smaller one: some, or as their decay asks."""
+        return max(soon, min(approach(self.decay, math.sqrt(region.level / within.level)), WORTH))
 
     def _larger(self, region: OrbitEllipsoids) -> OrbitEllipsoids | None:
         larger = region.at(_GROWING * region.level)
@@ -220,7 +230,7 @@ class Enlarging:
         for _ in range(tries):
             if region.offsets.shape[1] > _MOST_PLANES or region.share(_SHARE_SAMPLES, self.rng) < _LEAST_SHARE:
                 return None
-            x = self._leaving(region, within, samples, SOON, enough=_ENOUGH)
+            x = self._leaving(region, within, samples, self.patience(region, within, SOON), enough=_ENOUGH)
             if x is None:
                 return None
             if not len(x):

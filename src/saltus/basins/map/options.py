@@ -28,9 +28,9 @@ class BasinOptions:
         The cluster, or the address of its scheduler, for ``engine="dask"``.
     longest : int, optional
         Periods after which a motion that is in no trapping region is undecided. The default is four times the larger of
-        two numbers, and between 200 and 100 000. The first is the periods of the slowest decay from the farthest corner
-        of the grid into a trapping region, by the largest multiplier. The second is the periods of the slowest motion
-        of the search.
+        two numbers, at least 200, and 100 000 where that is above 4 000 000. The first is the periods of the slowest
+        decay from the farthest corner of the grid into a trapping region, by the largest multiplier. The second is the
+        periods of the slowest motion of the search.
     tolerance : float
         Tolerance of a step, in the unit nearest to a state's size, a power of 1000: 1 for sizes from 0.032 to 32.
     preview : bool

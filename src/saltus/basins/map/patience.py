@@ -8,24 +8,19 @@ the same rate all the way is in the region after ``log R / -log m`` periods.
 from __future__ import annotations
 
 import math
-import sys
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from saltus.basins.attractors.pace import SAFETY, WORTH, approach, decay_periods
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
-
-    from saltus.ensemble.traps import Traps
-
-__all__ = ["NEARER", "Patience", "approach", "decay_periods", "patience_again", "patience_for"]
+__all__ = ["NEARER", "Patience", "decay_periods", "patience_again", "patience_for"]
 
 _LEAST = 200  # default periods that motions are followed, at least
-_MOST = 100_000  # the same, at most
-
-_SAFETY = 4.0  # periods followed over those of the slowest linear decay: saddles and nonlinear decay take longer
+_MOST = 100_000  # the same, at most, where the decay is too slow for any motion to arrive
 
 # factors by which trapping regions shrink where labels are checked, down to `SAME`: what else a region holds is found
 # unless it lies in the region's innermost part
@@ -44,9 +39,9 @@ class Patience(NamedTuple):
 def patience_for(attractors: Any, box: Mapping[str, tuple[float, float]]) -> Patience:
     """Return how long motions from a box are followed by default.
 
-    It is four times the larger of two numbers, and between 200 and 100 000. The first is the periods of the slowest
-    decay from the farthest corner of the box into a trapping region. The second is the periods of the slowest motion of
-    the search.
+    It is four times the larger of two numbers, at least 200, at most 4 000 000. Where that is not even once as long, it
+    is 100 000. The first number is the periods of the slowest decay from the farthest corner of the box into a trapping
+    region. The second is the periods of the slowest motion of the search.
 
     Parameters
     ----------
@@ -66,13 +61,14 @@ def patience_for(attractors: Any, box: Mapping[str, tuple[float, float]]) -> Pat
         what = f"the {count:.4g} periods in which the grid's farthest corner decays into the trap of {name!r}"
         found.append(_times(count, f"{what}, by {decay:.6g} a period"))
     longest = max(found, key=lambda patience: patience.periods)
-    if longest.periods > _MOST:
+    if longest.periods > WORTH:
         return Patience(_MOST, f"the most by default, less than {longest.reason}")
     return longest
 
 
 def _times(periods: float, what: str) -> Patience:
-    return Patience(math.ceil(_SAFETY * periods), f"{_SAFETY:g} times {what}")
+    longest = math.ceil(SAFETY * periods)
+    return Patience(min(longest, WORTH) if periods <= WORTH else longest, f"{SAFETY:g} times {what}")
 
 
 def patience_again(longest: int, decays: Iterable[float]) -> int:
@@ -80,40 +76,4 @@ def patience_again(longest: int, decays: Iterable[float]) -> int:
 
     It is long enough for each to come as much nearer to its attractor as the regions are smaller there.
     """
-    return max(_LONGER * longest, _LEAST) + max((min(approach(decay), _MOST) for decay in decays), default=0)
-
-
-def approach(decay: float) -> int:
-    """Return after how many periods, at most, motions that decay by a factor a period are nearer by `NEARER`."""
-    if not 0.0 < decay < 1.0:
-        return 0 if decay < 1.0 else sys.maxsize
-    return math.ceil(_SAFETY * math.log(NEARER) / -math.log(decay))
-
-
-def decay_periods(traps: Traps, label: int, decay: float, low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
-    """Return the periods of the linear decay from a box's farthest corner into an attractor's trapping region.
-
-    Parameters
-    ----------
-    traps : Traps
-        Trapping regions; the attractor's ellipsoid, cage or boxes count.
-    decay : float
-        Factor by which distances from the attractor shrink in a period.
-    low, high : ndarray, shape (n,)
-        The box.
-    """
-    ratios = []
-    if (e := traps.ellipsoids) is not None:
-        for k in np.flatnonzero(e.labels == label):
-            reach = np.maximum(np.abs(low - e.centres[k]), np.abs(high - e.centres[k]))
-            farthest = float((np.linalg.norm(e.shapes[k], axis=0) * reach).sum())
-            lengths = np.linalg.norm(np.linalg.solve(e.shapes[k].T, e.normals[k].T), axis=0)
-            cut = lengths > 0.0
-            ratios.append(farthest / min(1.0, float((e.offsets[k][cut] / lengths[cut]).min(initial=1.0))))
-    if not ratios and (c := traps.cages) is not None:
-        for k in np.flatnonzero(c.labels == label):
-            reach = np.maximum(np.abs(low - c.centres[k]), np.abs(high - c.centres[k]))
-            ratios.append(float((np.abs(c.rows[k]) @ reach).sum() / c.bounds[k]))
-    if not ratios and (boxes := traps.cells) is not None and (boxes.labels == label).any():
-        ratios.append(float(((high - low) / boxes.size).max()))
-    return math.log(max(ratios, default=1.0)) / -math.log(decay) if max(ratios, default=1.0) > 1.0 else 0.0
+    return max(_LONGER * longest, _LEAST) + max((min(approach(decay, NEARER), WORTH) for decay in decays), default=0)

@@ -6,15 +6,16 @@ So its label counts as wrong, and a search that starts from it tells on what it 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
 from saltus.basins.attractors.missed import KnownAttractor, missed_by
-from saltus.basins.map.patience import approach
+from saltus.basins.attractors.pace import approach
+from saltus.basins.map.patience import NEARER
 from saltus.basins.wilson import wilson
 from saltus.ensemble.traps import UNDECIDED
 from saltus.errors import InputError
@@ -130,18 +131,40 @@ def compared(
     known, held = attractors.labels, attractors.points
     decays = {known[name]: decay for name, decay in getattr(attractors, "decays", {}).items()}
     strict = labelling.stricter(tolerance, {known[name]: held[name] for name in held}, decays)
-    others = strict.of(points)
-    creeping = {label for label, decay in decays.items() if approach(decay) > strict.longest}
+    others = _again(strict, labels, points, lambda labelling, x: labelling.of(x))
+    creeping = {label for label, decay in decays.items() if approach(decay, NEARER) > strict.longest}
     lost = others == UNDECIDED
     untold = lost & np.isin(labels, list(creeping))
     nowhere = lost & ~untold
     wrong, cells = int((~untold & (labels != others)).sum()), int((~untold).sum())
     few = np.flatnonzero(~lost[:by_events])
-    by_hand = _differing(labels[few], strict.by_events(points[few]))
+    singly = _again(strict, labels[few], points[few], lambda labelling, x: labelling.by_events(x))
+    by_hand = _differing(labels[few], singly)
     box = getattr(attractors, "region", None) or grid.box
     missed = _missed(strict, attractors, box, points[nowhere][:_STARTS]) if nowhere.any() else ""
     bound = wilson(wrong, cells)[1] if cells else 1.0
     return LabelError(wrong, cells, bound, tolerance, *by_hand, int(nowhere.sum()), int(untold.sum()), missed)
+
+
+def _again(
+    strict: Labelling,
+    labels: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    follow: Callable[[Labelling, NDArray[np.float64]], NDArray[np.uint8]],
+) -> NDArray[np.uint8]:
+    """Return the labels of motions that are followed again.
+
+    One that was labelled by a region without boxes is followed to such a region first. On its slow way to the innermost
+    part of it a motion may be in the boxes of another attractor for long.
+    """
+    if (cells := strict.traps.cells) is None:
+        return follow(strict, points)
+    others = np.full(len(points), UNDECIDED, np.uint8)
+    sure = ~np.isin(labels, cells.labels)
+    others[sure] = follow(replace(strict, traps=replace(strict.traps, cells=None)), points[sure])
+    left = others == UNDECIDED
+    others[left] = follow(strict, points[left])
+    return others
 
 
 def _missed(
