@@ -59,3 +59,9 @@ DOUBLES_SUFFICE = 1e5
 
 # Least allowance by which a difference is divided: it is above 0.
 LEAST_ALLOWANCE = 1e-300
+
+# Tolerance to which equations without a flow are solved.
+EQUATIONS_SOLVED = 1e-12
+
+# What a search for an optimum leaves of the gradient, over its size, where rounding ends it.
+GRADIENT_LEFT = 1e-5

@@ -10,7 +10,7 @@ import numpy as np
 from saltus.errors import SaltusError
 from saltus.flow.formulas import read_formula
 from saltus.orbits import solve_orbit
-from saltus.scales import EPS, ILL_CONDITIONED, VERIFIED_EXTREME, VERIFIED_VALUE
+from saltus.scales import EPS, GRADIENT_LEFT, ILL_CONDITIONED, VERIFIED_EXTREME, VERIFIED_VALUE
 from saltus.verification.table import Row, compared, equal, unchecked
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["fit_rows", "optimum_rows"]
 
-_ROUGH = 1e-5  # what a search leaves of the gradient where rounding ends it
 _STABLE = "stable"  # the constraint on the largest multiplier
 
 
@@ -84,7 +83,7 @@ def _first_order(optimum: Optimum) -> Iterator[Row]:
     terms = np.array([gradients[0], *(-optimum.multipliers[i] * g for i, g in zip(active, gradients[1:], strict=True))])
     size = max(float(np.abs(terms * units).max()), abs(optimum.best), ILL_CONDITIONED)
     left = float(np.abs(terms.sum(axis=0) * units).max()) / size
-    yield compared("gradient left", optimum.residual, left, _ROUGH)
+    yield compared("gradient left", optimum.residual, left, GRADIENT_LEFT)
 
 
 def _gradient(optimum: Optimum, name: str) -> NDArray[np.float64]:

@@ -15,7 +15,16 @@ import numpy as np
 from saltus.continuation.results.orbit_columns import OrbitColumns
 from saltus.errors import SaltusError
 from saltus.maps.orbit import MapOrbit
-from saltus.scales import EPS, LEAST_ALLOWANCE, VERIFIED_EXTREME, VERIFIED_VALUE, Verdict, critical_error, zero
+from saltus.scales import (
+    EPS,
+    EQUATIONS_SOLVED,
+    LEAST_ALLOWANCE,
+    VERIFIED_EXTREME,
+    VERIFIED_VALUE,
+    Verdict,
+    critical_error,
+    zero,
+)
 from saltus.verification.remade import Claim, claims, orbit_claims
 from saltus.verification.table import AGREES, DIFFERS, Row, unchecked
 
@@ -24,7 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ELSEWHERE", "column_rows", "solution_rows"]
 
-_AT_TOLERANCE = 1e-12  # of equations without a flow
 # claims that checks of solutions have
 ELSEWHERE = ("stable", "regular", "admissible", "multipliers", "period", "lows", "highs")
 
@@ -150,7 +158,7 @@ def _of_locus(curve: Any, i: int, values: NDArray[np.complex128], growth: NDArra
         return
     resting = hasattr(curve, "eigenvalues")
     unit = float(np.abs(values).max(initial=0.0)) if resting else 1.0
-    error = critical_error(getattr(curve, "tolerance", _AT_TOLERANCE)) * unit
+    error = critical_error(getattr(curve, "tolerance", EQUATIONS_SOLVED)) * unit
     clear = np.isfinite(growth) & (np.abs(growth) > error)
     told = bool(np.all(clear | (np.abs(growth) <= error))) if np.all(np.isfinite(growth)) else False
     yield Claim.of("stable", curve.stable[i], not np.any(growth[clear] > 0.0), 0.0 if told else math.inf)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
-from saltus.scales import Verdict, critical_error, zero
+from saltus.scales import EQUATIONS_SOLVED, Verdict, critical_error, zero
 from saltus.verification.table import AGREES, DIFFERS, Row, unchecked
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ __all__ = ["named_rows"]
 
 _KINDS = ("", "persistence", "nonsmooth fold", "two-fold")
 _SIDES = ("smaller", "larger")  # of a grazing, where its locus meets another one
-_EQUATIONS = 1e-12  # tolerance of equations without a flow
 _ZEROS = ("SN", "TP", "BP", "CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF", "EX")  # types whose tests have a size of 1
 
 
@@ -76,7 +75,7 @@ def _of(curve: Any, point: SpecialPoint[Any]) -> bool:
 def _test(curve: Any, point: SpecialPoint[Any]) -> Iterator[Row]:
     """Yield the check of the test function: that of a doubling and of a torus by the multipliers, of others as 0."""
     values = getattr(point.solution, "multipliers", None)
-    error = critical_error(getattr(curve, "tolerance", _EQUATIONS))
+    error = critical_error(getattr(curve, "tolerance", EQUATIONS_SOLVED))
     found = 0.0
     if point.type == "PD" and not point.locus and values is not None and hasattr(curve, "tolerance"):
         finite = values[np.isfinite(values)]

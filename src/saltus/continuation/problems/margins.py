@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from saltus.system.hybrid import HybridSystem
 
 __all__ = [
+    "duration_of",
     "grazed_with",
     "grazing_monitors",
     "holds_at",
@@ -379,6 +380,11 @@ def rebound_ceases(problem: OrbitProblem, u: NDArray[np.float64], segment: int) 
     )
     problem.survey(u)
     return not speed_at(problem, ends[before], problem.state_on(before, 1.0), period) < SPEEDLESS
+
+
+def duration_of(problem: OrbitProblem, u: NDArray[np.float64], i: int) -> float:
+    """Return the duration of segment `i`."""
+    return float(u[i * (problem.n + 1) + problem.n])
 
 
 def speed_at(problem: OrbitProblem, transition: int, x: NDArray[np.float64], period: float) -> float:

@@ -20,6 +20,7 @@ from saltus.continuation.problems.coefficients import known_coefficient, or_infi
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.problems.guards import residual_fault, unconfirmed, undetermined
 from saltus.continuation.problems.margins import (
+    duration_of,
     grazing_monitors,
     on_border,
     run_out,
@@ -112,7 +113,7 @@ class LocusZeroProblem:
             own = {self._touched, *run_out(problem, u, problem.survey(u))}
             if condition.kind == "duration":
                 own |= {
-                    name for name, i in self._durations.items() if abs(_duration(problem, u, i)) < TOUCHING * period
+                    name for name, i in self._durations.items() if abs(duration_of(problem, u, i)) < TOUCHING * period
                 }
                 without = [name.segment for name in own if name.kind == "duration"]
                 own |= set(self._surveyed).difference(without_shadows(self._surveyed, without, problem.segments))
@@ -272,7 +273,7 @@ class LocusZeroProblem:
     def _measure(self, name: Monitor, point: Point) -> float:
         kind, at = name.kind, name.segment
         if kind == "duration":
-            return _duration(self.problem, point.u, at)
+            return duration_of(self.problem, point.u, at)
         if kind == "TP":
             return float(point.tangent[at - 2])
         distance = float(point.u[at - 2]) - self._bounds[at][kind == "high"]
@@ -447,7 +448,3 @@ class LocusZeroProblem:
         ours = [name for name in names if name not in _PLAIN and not at_grazing(name)]
         kinds = {name.kind for name in ours}
         return len(kinds) + any(at_grazing(name) for name in names) > 1 and self.kind not in CHANGES
-
-
-def _duration(problem: OrbitProblem, u: NDArray[np.float64], i: int) -> float:
-    return float(u[i * (problem.n + 1) + problem.n])

@@ -13,7 +13,7 @@ import numpy as np
 
 from saltus.algebraic.newton import REMESHED
 from saltus.continuation.core.zero_problem import correct
-from saltus.orbits.landing.upstrokes import shows_last_step
+from saltus.orbits.landing.upstrokes import ROUNDS, shows_last_step
 from saltus.scales import SHARPER
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["astray", "depart", "log_of_crossings", "sharpen", "solve_again", "transferred"]
 
 _ASTRAY = 0.3  # least cosine of the angle between flow and plane's normal at the end of a step
-_SHARPENED = 8  # most further corrections of an orbit: quadratic, they end at rounding before
 _RENEWED = 0.8  # the same cosine, up to which the plane is renewed before the next step
 
 
@@ -143,7 +142,7 @@ def sharpen(zero: ZeroProblem, problem: OrbitProblem, point: Point) -> None:
     from saltus.system.numba_tools.linear import bordered
 
     row, before, carried = point.weights * point.tangent, SHARPER, getattr(zero, "carried", None)
-    for _ in range(1 if cut else _SHARPENED):
+    for _ in range(1 if cut else ROUNDS):
         F, J = zero.evaluate(point.u)
         if not cut and carried is not None and (further := carried(point.u, J)) is not None:
             point.u = further

@@ -25,11 +25,9 @@ if TYPE_CHECKING:
 
     from saltus.orbits.landing.landed import Equations
 
-__all__ = ["carried", "shows_last_step", "solved"]
+__all__ = ["ROUNDS", "carried", "shows_last_step", "solved"]
 
-_SHORTER = 6  # shares by which durations are shortened before a pole, from rounding up
-_WIDER = 512  # ratio of two such shares
-_ROUNDS = 8  # of flows to a surface: each begins nearer to it
+ROUNDS = 8  # of flows to a surface: each begins nearer to it, and what is left is quadratic
 
 
 def carried(
@@ -48,7 +46,7 @@ def carried(
     if not events.size or problem.system.compiled.rooted[problem.modes].any() or not np.isfinite(u).all():
         return None
     moved = u
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         if (followed := _followed(problem, moved, last[events])) is None:
             return None
         times = [_late(problem, i, float(followed[last[i]])) for i in events.tolist()]
@@ -74,7 +72,7 @@ def solved(
     sizes: those of the unknowns, as a function of these.
     """
     started: NDArray[np.float64] | None = None
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         if (started := _started(problem, u)) is None:
             return None
         if (further := carried(problem, started)) is None:
@@ -85,7 +83,7 @@ def solved(
     u, scale = started, sizes(started)
     for k in range(most):
         F, J = fitted(problem, problem.evaluate, u)
-        for _ in range(_ROUNDS):
+        for _ in range(ROUNDS):
             if (further := carried(problem, u, J)) is None:
                 break
             u = further
@@ -113,8 +111,8 @@ def _started(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.float64] 
 
 
 def _shares() -> list[float]:
-    """Return shares by which durations are shortened before a pole: none, a rounding, more up to some hundredths."""
-    return [0.0, *(ROUNDINGS * EPS * _WIDER**k for k in range(_SHORTER))]
+    """Return shares by which durations are shortened before a pole: none, a rounding, more up to a hundredth."""
+    return [0.0, *np.geomspace(ROUNDINGS * EPS, EPS**0.125, ROUNDS).tolist()]
 
 
 def _met(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.bool_]:
