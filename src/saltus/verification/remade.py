@@ -128,12 +128,15 @@ def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[st
     period = float(u[n : problem.size : n + 1].sum())
     yield Claim.of("x0", said["x0"], survey.x0[:count], errors[:count])
     yield Claim.of("period", said["period"], period, problem.segments * EPS * period)
+    late = followed(problem.tol) * period
+    errors = errors + late * _speeds(problem)
     each = np.concatenate([errors, _output_errors(problem, survey, sizes, errors)])
     for name in ("lows", "highs", "means", "harmonics"):
         if name in said:
             yield Claim.of(name, said[name], getattr(survey, name), each)
     met = problem.event_sizes(u)
     left = max(float(errors.max()), followed(problem.tol) * float(met.max(initial=0.0)))
+    left = max(left, late * float(np.abs(survey.rates[:, 0]).max(initial=0.0)))
     yield Claim.of("residual", said["residual"], survey.residual, left)
     scale = np.maximum(problem.state_scale[:count], said.get("sizes", 0.0))
     kept = RESIDUAL_KEPT * max(float(scale.max()), float(met.max(initial=0.0)))
@@ -149,6 +152,14 @@ def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[st
         sure = bool(np.all(np.abs(np.abs(inner) - 1.0) > np.maximum(edge, NEUTRAL if neutral else 0.0)))
         stable = unstable_count(inner, neutral=neutral) == 0
         yield Claim.of("stable", said["stable"], stable, 0.0 if sure or (neutral and stable) else math.inf)
+
+
+def _speeds(problem: OrbitProblem) -> NDArray[np.float64]:
+    """Return how fast each state moves at the ends of segments at most, by which it errs as their times do."""
+    ends = [problem.state_on(i, 1.0) for i in range(problem.segments)]
+    field, p = problem.system.compiled.field, problem.p
+    speeds = [np.abs(field(mode, end, p)) for mode, end in zip(problem.signature.modes, ends, strict=True)]
+    return np.asarray(np.nan_to_num(np.max(speeds, axis=0), nan=0.0, posinf=0.0))
 
 
 def _state_errors(problem: OrbitProblem, J: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -106,7 +106,7 @@ POINT_TYPES: Mapping[str, PointType] = MappingProxyType(
 
 # The type of a branch's points at which hits become infinitely many. On a TR locus its letters name Chenciner points.
 ACCUMULATION = "CH"
-_CHATTER = PointType("accumulation of hits (chatter)", "accumulation of hits", "X", _GREEN, _ORBIT, size=6.0)
+_CHATTER = PointType("accumulation of hits (chatter)", "accumulation of hits", "X", _GREEN, _ORBIT, size=6)
 
 # Types of special points at which the signature of an orbit changes.
 CHANGES = tuple(name for name, known in POINT_TYPES.items() if known.changes)

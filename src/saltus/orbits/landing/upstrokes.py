@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ROUNDS", "carried", "shows_last_step", "solved"]
 
+_SHORTER = 6  # shares by which durations are shortened before a pole, from rounding up
+_WIDER = 512  # ratio of two such shares
 ROUNDS = 8  # of flows to a surface: each begins nearer to it, and what is left is quadratic
 
 
@@ -111,8 +113,8 @@ def _started(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.float64] 
 
 
 def _shares() -> list[float]:
-    """Return shares by which durations are shortened before a pole: none, a rounding, more up to a hundredth."""
-    return [0.0, *np.geomspace(ROUNDINGS * EPS, EPS**0.125, ROUNDS).tolist()]
+    """Return shares by which durations are shortened before a pole: none, a rounding, more up to some hundredths."""
+    return [0.0, *(ROUNDINGS * EPS * _WIDER**k for k in range(_SHORTER))]
 
 
 def _met(problem: Equations, u: NDArray[np.float64]) -> NDArray[np.bool_]:
