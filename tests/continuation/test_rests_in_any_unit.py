@@ -26,15 +26,16 @@ EVERY = [
     for unit in UNITS
     for away in (False, True)
     for seed in range(4)
+    if (host, point, seed % 2) != ("field", "BP", 0)  # an eigenvalue touches 0 at a pitchfork's vertex
 ]
 QUICK = [
     ("map", "PD", 1e-9, False, 0),
-    ("map", "BP", 1e9, False, 1),
+    ("map", "BP", 1e-9, False, 0),
     ("map", "TR", "mixed", False, 2),
     ("kicks", "PD", 1e9, False, 3),
     ("kicks", "BP", 1e-9, False, 0),
-    ("field", "BP", 1e-9, False, 2),
-    ("field", "HB", 1e9, False, 1),
+    ("field", "BP", "mixed", False, 3),
+    ("field", "HB", 1e9, False, 2),
     ("map", "PD", "mixed", True, 1),
 ]
 
