@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.algebraic.bending import bending_sizes
 from saltus.errors import ConvergenceError, InputError
+from saltus.scales import UNIT_DECADES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,7 +56,8 @@ def state_sizes(problem: AlgebraicProblem, u: NDArray[np.float64], J: NDArray[np
     """Return typical sizes of the states, shape (n,).
 
     The size of a state is its modulus. A state at rest in 0 has the size that the others give it through the field.
-    Where all states vanish, their sizes are those of the states' responses to the parameters.
+    Where all states vanish, their sizes are those of the states' responses to the parameters. What moves no state, and
+    is moved by none, has the size at which the derivatives are other than at rest.
     """
     n, x = problem.n, np.abs(u[: problem.n])
     if float(x.max()) > 0.0:
@@ -70,13 +73,44 @@ def state_sizes(problem: AlgebraicProblem, u: NDArray[np.float64], J: NDArray[np
         shares = (A - np.diag(np.diag(A))) * x
         fastest = float(np.abs(np.linalg.eigvals(J[:, :n])).max())
         small &= ~np.any(shares > _SMALL * np.maximum(A @ x, fastest * x)[:, None], axis=0)
-        return _balanced(A, x, small)
+        sizes, free = _balanced(A, x, small)
+        return np.where(free, _bending(problem, u, J, free, top), sizes) if np.any(free) else sizes
     response = np.abs(J[:, n:]).max(axis=1) if J.shape[1] > n else np.zeros(n)
     if float(response.max(initial=0.0)) > 0.0:
         moved = np.abs(responses(J[:, :n], J[:, n:], np.ones(n))).max(axis=1)
         if float(moved.max()) > 0.0:
             return np.asarray(np.where(moved > _SMALL * moved.max(), moved, moved.max()))
-    return np.ones(n)
+    return _bending(problem, u, J, np.ones(n, dtype=bool), 1.0)
+
+
+def _bending(
+    problem: AlgebraicProblem, u: NDArray[np.float64], J: NDArray[np.float64], free: NDArray[np.bool_], top: float
+) -> NDArray[np.float64]:
+    """Return sizes of the free states, shape (n,), by where derivatives are other than with these at 0.
+
+    They are `top` but where they are many powers of ten off that. A change by a unit of a parameter is a usual one.
+    """
+    n, block, count = problem.n, np.ix_(free, free), int(np.count_nonzero(free))
+
+    def slopes(x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        v = u.copy()
+        v[:n][free] = top * x
+        return [problem.evaluate(v)[1][block][None]]
+
+    also = np.zeros((1, count, count))
+    for k in range(n, u.size):
+        for side in (-1.0, 1.0):
+            v = u.copy()
+            v[k] += side
+            with np.errstate(all="ignore"):
+                change = problem.evaluate(v)[1][block] - J[block]
+            if np.all(np.isfinite(change)):
+                also = np.append(also, change[None], axis=0)
+    found = bending_sizes(slopes, count, [also])
+    sizes = np.full(n, top)
+    if np.any(np.abs(np.log10(found)) > UNIT_DECADES):
+        sizes[free] *= found
+    return sizes
 
 
 def terms_of_rows(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -92,8 +126,12 @@ def responses(A: NDArray[np.float64], B: NDArray[np.float64], sizes: NDArray[np.
     return np.asarray(sizes[:, None] * np.linalg.lstsq(scaled * rows, B * rows, rcond=1e-12)[0])
 
 
-def _balanced(A: NDArray[np.float64], x: NDArray[np.float64], small: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _balanced(
+    A: NDArray[np.float64], x: NDArray[np.float64], small: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return sizes of the states: `x`, but for the small ones those that balance a row and a column of the matrix.
+
+    Which of the small ones nothing balances comes too.
 
     The rate of a state by the others, over its size, then equals the rates that it causes, over the others' sizes: what
     Osborne's balancing does (J. ACM 7 (1960) 338-345). The units of the states do not matter.
@@ -108,7 +146,7 @@ def _balanced(A: NDArray[np.float64], x: NDArray[np.float64], small: NDArray[np.
         if caused > 0.0 and max(causes, A[i, i]) > 0.0:
             sizes[i] = math.sqrt(caused / causes) if causes > 0.0 else caused / A[i, i]
             known[i] = True
-    return sizes
+    return sizes, ~known
 
 
 def solve_zero(

@@ -18,7 +18,7 @@ from saltus.orbits.landing.landed import on_surfaces
 from saltus.orbits.meshes import adapted, crowding, decays, decays_along, implicit_second, implicit_steps, joined
 from saltus.orbits.plane import facings, further_planes, normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
-from saltus.orbits.resting import at_rest, mark_driven, nearest_to_zero, sizes_nearby
+from saltus.orbits.resting import at_rest, mark_driven, mark_reset, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 from saltus.scales import ABOVE_ROUNDING, EPS, FINEST, MOVES_NOTHING, NEAR_ZERO, RESTING, Scales
 from saltus.system.integrals.kept import KeptTotals
@@ -162,7 +162,6 @@ class OrbitProblem(Discretised):
         """
         if sizes is not None and np.max(sizes) > 0.0:
             self._largest = 100.0 * sizes  # of which `rescale` keeps a hundredth
-
         self.set_parameters(u)
         blocks = u[: self.size].reshape(self.segments, self.n + 1)
         self._find_least(blocks)
@@ -315,6 +314,7 @@ class OrbitProblem(Discretised):
         self.equations.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
         self._least = EPS / self.tol * period * terms.sum(axis=1)
         self._moves = terms > MOVES_NOTHING
+        mark_reset(self, self._moves, blocks)
         mark_driven(self, self._moves, blocks[0, :n], np.abs(blocks[:, :n]).max(axis=0))
 
     def rescale(self, survey: Survey) -> None:

@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from saltus.algebraic.bending import bending_sizes
 from saltus.flow.invariant_planes import driven, staying
 from saltus.flow.shares import shares_of
 from saltus.scales import (
+    MOVES_NOTHING,
     NEAR_ZERO,
     NEARBY,
     NEAREST_TO_ZERO,
     ORBIT_NOTHING,
     RECURS,
     RESTING,
-    UNIT_DECADES,
     Verdict,
     followed,
     zero,
@@ -33,13 +34,13 @@ __all__ = [
     "guess_on_plane",
     "kept_at_zero",
     "mark_driven",
+    "mark_reset",
     "nearest_to_zero",
     "on_its_plane",
     "sizes_nearby",
 ]
 
-_PHASES = 16  # phases at which the field's derivatives are looked at
-_POWERS = 19  # of ten, to either side, up to which sizes are sought
+_PHASES = 16  # phases at which derivatives of fields and resets are looked at
 
 
 class Equations(Protocol):
@@ -119,11 +120,29 @@ def mark_driven(
         moves[driven(problem.system.compiled, problem.modes.tolist(), ends, x, problem.extended, zeros, count)] = True
 
 
+def mark_reset(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.float64]) -> None:
+    """Mark which states the resets at the segments' ends make of which, as fields do.
+
+    Parameters
+    ----------
+    moves : ndarray of bool, shape (n, n)
+        See `at_rest`; written.
+    blocks : ndarray, shape (segments, n + 1)
+        State at each segment's start, and its duration.
+    """
+    n, moved = problem.n, np.empty(problem.n**2)
+    for transition, block in zip(problem.signature.transitions, blocks, strict=True):
+        if transition >= 0:
+            state = np.ascontiguousarray(block[:n])
+            problem.system.compiled.call("reset_x", transition, 0, state, problem.extended, moved)
+            moves |= np.abs(moved.reshape(n, n)) > MOVES_NOTHING
+
+
 def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
     """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
 
-    They are what a unit of the active parameters moves in a period. Where that moves none they are those at which the
-    field bends, in powers of ten.
+    They are what a unit of the active parameters moves in a period. Where that moves none they are those at which
+    fields or resets bend, in powers of ten.
     """
     count = len(problem.system.states)
     lows, highs = survey.lows[:count], survey.highs[:count]
@@ -148,47 +167,28 @@ def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> 
 
 
 def _bending(problem: Equations, count: int, period: float) -> NDArray[np.float64]:
-    """Return sizes of the states near the origin at which the derivatives of the field are other than there.
+    """Return sizes of the states near the origin by which fields and resets bend: see `bending_sizes`.
 
-    The difference counts over these derivatives, or over one in a period, where that is more: a critical rest has none.
-    Relative sizes are those that balance the derivatives in the origin. The largest is 1 where the field bends within
-    some powers of ten of 1, and where it is linear.
-
-    References
-    ----------
-    B. N. Parlett, C. Reinsch, Balancing a matrix for calculation of eigenvalues and eigenvectors, Numer. Math. 13
-    (1969) 293-304.
+    What a field changes in a period counts as the derivatives of resets do: over those in the origin, or over 1.
     """
-    from scipy.linalg import matrix_balance
-
-    compiled, shape = problem.system.compiled, 1.0 + 0.5 * np.sin(1.0 + np.arange(count))
+    compiled, lasting = problem.system.compiled, period if period > 0.0 else 1.0
     turns = np.linspace(0.0, problem.system.turn, _PHASES, endpoint=False) if problem.n > count else np.zeros(1)
     modes = dict.fromkeys(problem.modes.tolist())
+    ends = [k for k in dict.fromkeys(problem.signature.transitions) if k >= 0]
+    moved = np.empty(problem.n * problem.n)
 
-    def slopes(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def reset(transition: int, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        compiled.call("reset_x", transition, 0, state, problem.extended, moved)
+        return moved.reshape(problem.n, problem.n).copy()
+
+    def slopes(x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         full = [np.append(x, np.full(problem.n - count, turn)) for turn in turns.tolist()]
-        found = [compiled.linearised(mode, state, problem.extended)[1] for mode in modes for state in full]
-        return np.array(found)[:, :count, :count]
+        found = [lasting * compiled.linearised(mode, state, problem.extended)[1] for mode in modes for state in full]
+        resets = [reset(k, state) for k in ends for state in full]
+        return [np.array(matrices)[:, :count, :count] for matrices in (found, resets) if matrices]
 
-    origin = slopes(np.zeros(count))
-    if not np.all(np.isfinite(origin)):
-        return np.ones(count)
-    _, (balance, _) = matrix_balance(np.abs(origin).max(axis=0), permute=False, separate=True)
-    balance /= balance.max() if balance.max() < 1.0 else balance.min() if balance.min() > 1.0 else 1.0
-
-    def over(matrices: NDArray[np.float64]) -> float:
-        return float(np.abs(matrices * balance / balance[:, None]).max())
-
-    usual = max(over(origin), 1.0 / period if period > 0.0 else 0.0) or 1.0
-
-    def bends(power: int) -> float:
-        with np.errstate(all="ignore"):
-            change = over(slopes(shape * balance * 10.0**power) - origin)
-        return change / usual if np.isfinite(change) else np.inf
-
-    way = 1 if bends(0) < 1.0 else -1
-    found = next((power for power in range(0, way * _POWERS, way) if (bends(power) >= 1.0) == (way > 0)), 0)
-    return np.asarray(balance * 10.0**found if abs(found) > UNIT_DECADES else balance)
+    also = np.eye(count)[None] if period > 0.0 else np.zeros((1, count, count))
+    return bending_sizes(slopes, count, [also, np.eye(count)[None]][: 2 if ends else 1])
 
 
 def _at_origin(problem: Equations, u: NDArray[np.float64], size: float) -> bool:

@@ -12,8 +12,8 @@ UNMOVED = 1e-9
 # lost.
 NEARBY = 1e-6
 
-# Powers of ten between 1 and the size at which a field bends, up to which states that rest in the origin have the size
-# 1: their first orbits beside it are taken a thousandth of the size away.
+# Powers of ten between 1 and the size at which fields, resets or maps bend, up to which states that rest in the origin
+# have the size 1: their first orbits beside it are taken a thousandth of the size away.
 UNIT_DECADES = 3
 
 # Range of a state, over the largest of all states, up to which it may be a branch's birth or rounding.

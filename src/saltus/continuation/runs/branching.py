@@ -40,7 +40,7 @@ def parameter_scale(
     """Return the change of the parameter that alters the Jacobian by its own size, along the branch.
 
     A Jacobian may vanish as a whole, as at a branch point of one state. It then has the size of its change over `known`
-    sizes of the unknowns.
+    sizes of the unknowns, the same to both sides as at a pitchfork, or not.
     """
     n = problem.n
     J = problem.evaluate(u)[1]
@@ -52,8 +52,19 @@ def parameter_scale(
     own, by_parameter, *rest = (
         float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change, *bend)
     )
-    own, value = max([own, *rest]), abs(float(u[n]))
+    own, value = max([own, *rest, _even(problem, u, J, sizes)]), abs(float(u[n]))
     return own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
+
+
+def _even(
+    problem: AlgebraicProblem, u: NDArray[np.float64], J: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> float:
+    """Return by how much the Jacobian changes alike to both sides, over the sizes; 0 where it has no value there."""
+    n, way = problem.n, np.append(sizes, 0.0)
+    with np.errstate(all="ignore"):
+        beside = sum(problem.evaluate(u + side * way)[1][:, :n] for side in (-0.5, 0.5))
+        change = float(np.linalg.norm((0.5 * beside - J[:, :n]) * sizes / sizes[:, None]))
+    return change if math.isfinite(change) else 0.0
 
 
 def other_branches(
