@@ -185,6 +185,12 @@ def _late(problem: Equations, i: int, duration: float) -> _Late | None:
     if not _counts(straight, duration):
         return _Late(straight, 0.0)
     fast = abs(rate) * ACCEPTED * duration > math.sqrt(RESIDUAL_KEPT) * problem.event_size(transition, end)
+    compiled.call("field", mode, 0, end, p, field)
+    grown = float(event[2 + n :] @ field) / rate  # of the rate, per time
+    if abs(grown * straight) < STRAIGHT:  # Newton's step contracts
+        return _Late(straight, straight if fast else 0.0)
+    if not grown > 0.0:  # no upstroke: the surface is met slower and slower
+        return None
 
     def flow(_: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
         x = np.ascontiguousarray(y[:n])
