@@ -74,7 +74,12 @@ def bending_sizes(
             return any(not change / unit < 1.0 for change, unit in zip(changes, usual, strict=True))
 
         way = -1 if bends(0) else 1
-        return next((k for k in range(0, way * _POWERS, way) if bends(k) == (way > 0)), None)
+        near, far = way * UNIT_DECADES, way * (_POWERS - 1)
+        if bends(near) == (way > 0):  # no power that is that near counts
+            return 0
+        if bends(far) != (way > 0):
+            return None
+        return next(k for k in range(near, far + way, way) if bends(k) == (way > 0))
 
     together: int | None = None
     for part in parts:

@@ -181,7 +181,7 @@ class AlgebraicRun(OneParameterRun):
         problem = self.solution.problem(self.name)
         problem.scales[0] = self.scale
         u = np.append(self.solution.unknowns, self.start_value(self.solution.parameters))
-        branch = self.equations(problem, u)
+        branch = self.equations(problem, u, self.first_sizes.copy() if self.first_sizes.size else None)
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:

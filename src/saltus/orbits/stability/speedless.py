@@ -31,8 +31,8 @@ def or_unknown(
     rates : ndarray, shape (segments,)
         Lie derivative of each segment's event at its end, as a survey has it.
     """
-    met = np.isin(problem.kinds, (EVENT_END, MEAN_END))
-    if problem.signature.is_cut or not met.any() or np.any(np.abs(values) >= INFINITE):
+    met = [i for i, kind in enumerate(problem.signature.kinds) if kind in (EVENT_END, MEAN_END)]
+    if problem.signature.is_cut or not met or any(abs(value) >= INFINITE for value in values.tolist()):
         return values
     period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
     known = np.abs(rates[met]) * period * ROUGH > followed(problem.tol) * problem.event_sizes(u)[met]
