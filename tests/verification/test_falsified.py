@@ -21,8 +21,10 @@ SPRING = saltus.HybridSystem.smooth({"x": "v", "v": "-c*v - x + cos(s)"}, {"c": 
 UNREAD = {"special_scale", "implicit", "special_implicit", "x", "v", "s", "mode"}
 # what stands where nothing is: the saddle of a point that has none
 EMPTY = ("special_saddle", "special_eigenvalue", "start.saddle", "start.eigenvalue")
+# of the point at which a cascade starts, what its own branch tells
+CASCADE = {f"start.{name}" for name in ("scale", "implicit", "label", "of", "test", "arclength", "position")}
 # what is an argument of the search, or has a size of its own: that of the coefficient on a locus of orbits
-UNTOLD = {"locus": {"coefficient"}, "optimum": {"limits"}, "cascade": {"start.scale", "start.implicit"}}
+UNTOLD = {"locus": {"coefficient"}, "optimum": {"limits"}, "cascade": CASCADE}
 
 
 def impacts(w: float = 1.1) -> saltus.HybridSystem:

@@ -123,6 +123,8 @@ def mark_driven(
 def mark_reset(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.float64]) -> None:
     """Mark which states the resets at the segments' ends make of which, as fields do.
 
+    A state that is 0 at all starts has no size by which a reset could be told to move it.
+
     Parameters
     ----------
     moves : ndarray of bool, shape (n, n)
@@ -130,12 +132,12 @@ def mark_reset(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.
     blocks : ndarray, shape (segments, n + 1)
         State at each segment's start, and its duration.
     """
-    n, moved = problem.n, np.empty(problem.n**2)
+    n, moved, sized = problem.n, np.empty(problem.n**2), np.any(blocks[:, : problem.n] != 0.0, axis=0)
     for transition, block in zip(problem.signature.transitions, blocks, strict=True):
         if transition >= 0:
             state = np.ascontiguousarray(block[:n])
             problem.system.compiled.call("reset_x", transition, 0, state, problem.extended, moved)
-            moves |= np.abs(moved.reshape(n, n)) > MOVES_NOTHING
+            moves |= (np.abs(moved.reshape(n, n)) > MOVES_NOTHING) & sized[:, None]
 
 
 def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
