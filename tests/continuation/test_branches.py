@@ -70,7 +70,7 @@ def test_unknown_stop_at(orbit, stop_at, text):
 
 def test_stop_at_names_the_events_that_can_be_stopped_at(orbit):
     with refuse(
-        "stop_at = 'max_y': must be one of SN, PD, TR, BP, GR, CS, GS, SS, AS, BC, max_x; did you mean 'max_x'?"
+        "stop_at = 'max_y': must be one of SN, PD, TR, BP, GR, CS, GS, SS, AS, BC, CH, max_x; did you mean 'max_x'?"
     ):
         continue_orbit(orbit, "a", (2.0, 3.0), events={"max_x": 0.7}, stop_at="max_y")
 

@@ -123,7 +123,7 @@ def mark_driven(
 def mark_reset(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.float64]) -> None:
     """Mark which states the resets at the segments' ends make of which, as fields do.
 
-    A state that is 0 at all starts has no size by which a reset could be told to move it.
+    A state that is 0 at all starts, beside others that are not, has no size by which a reset moves it.
 
     Parameters
     ----------
@@ -133,6 +133,7 @@ def mark_reset(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.
         State at each segment's start, and its duration.
     """
     n, moved, sized = problem.n, np.empty(problem.n**2), np.any(blocks[:, : problem.n] != 0.0, axis=0)
+    sized |= not np.any(sized[: len(problem.system.states)])
     for transition, block in zip(problem.signature.transitions, blocks, strict=True):
         if transition >= 0:
             state = np.ascontiguousarray(block[:n])

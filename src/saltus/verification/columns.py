@@ -14,7 +14,6 @@ import numpy as np
 
 from saltus.continuation.results.orbit_columns import OrbitColumns
 from saltus.errors import SaltusError
-from saltus.maps.orbit import MapOrbit
 from saltus.scales import (
     EPS,
     EQUATIONS_SOLVED,
@@ -49,7 +48,7 @@ def solution_rows(
 
     sizes: those of the states along its curve, shape (state,).
     """
-    known = {} if sizes is None or isinstance(solution, MapOrbit) else {"sizes": sizes}
+    known = {} if sizes is None else {"sizes": sizes}
     own = (claim for claim in claims(solution, known) if claim.what not in elsewhere)
     return _claimed([("", own)])
 

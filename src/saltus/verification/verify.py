@@ -176,7 +176,10 @@ def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> 
         rows += [row for row in check.rows() if not _is_critical(row)]
     if point.type not in check.shrinks_at:
         told = () if point.type in _AT_SURFACES else ("regular", "admissible")
-        rows += solution_rows(point.solution, [claim for claim in ELSEWHERE if claim not in told], sizes)
+        along = sizes if point.scale is None else point.scale  # of all points of a map orbit
+        if isinstance(point.solution, MapOrbit) and along is sizes:
+            along = None
+        rows += solution_rows(point.solution, [claim for claim in ELSEWHERE if claim not in told], along)
     return placed(point.label, rows)
 
 

@@ -600,7 +600,7 @@ def test_a_client_needs_no_processes_and_must_be_one(orbit):
         ({"bounds": (2.0, 1.0)}, "bounds = (2.0, 1.0): must be two numbers, the lower first"),
         (
             {"options": BranchOptions(stop_at="XX")},
-            "stop_at = 'XX': must be one of SN, PD, TR, BP, GR, CS, GS, SS, AS, BC",
+            "stop_at = 'XX': must be one of SN, PD, TR, BP, GR, CS, GS, SS, AS, BC, CH",
         ),
         ({"options": "up"}, "options = 'up': must be a BranchOptions"),
         ({"orbit": 3}, "orbit = 3: must be a PeriodicOrbit; find_orbit and solve_orbit give one"),

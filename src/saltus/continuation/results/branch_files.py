@@ -92,7 +92,7 @@ def branches_of(held: Contents, dim: str, absent: Sequence[bool], parameter: str
     """
     counts = _counts(held, dim)
     for ragged in ("point", "special"):
-        wanted, name = np.repeat(np.arange(len(absent)), counts.get(ragged, ())), f"{ragged}_{dim}"
+        wanted, name = np.repeat(np.arange(len(absent)), counts.get(ragged, [0] * len(absent))), f"{ragged}_{dim}"
         if name in held.dataset and not np.array_equal(held.array(name, (ragged,), int), wanted):
             raise InputError(f"variable {name!r}", "another one", f"the {dim} of each {ragged}, as they are counted")
     starts = {ragged: [0, *np.cumsum(sizes).tolist()] for ragged, sizes in counts.items()}
@@ -101,7 +101,7 @@ def branches_of(held: Contents, dim: str, absent: Sequence[bool], parameter: str
     branches: list[Branch | None] = []
     for i, missing in enumerate(absent):
         if missing:
-            if counts["point"][i] > 0:
+            if "point" in counts and counts["point"][i] > 0:
                 raise InputError(f"count of {dim} {i}", int(counts["point"][i]), "0, as there is no branch")
             branches.append(None)
             continue

@@ -15,7 +15,7 @@ from saltus.continuation.core.interest import Interest
 from saltus.continuation.core.multiple import branches_at, crossing
 from saltus.continuation.core.zero_problem import Point, correct
 from saltus.errors import ConvergenceError, InputError
-from saltus.scales import DIRECTIONS_ALIKE, TERMS_FAINT
+from saltus.scales import DIRECTIONS_ALIKE, EPS, TERMS_FAINT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,7 +52,10 @@ def parameter_scale(
     own, by_parameter, *rest = (
         float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change, *bend)
     )
-    own, value = max([own, *rest, _even(problem, u, J, sizes)]), abs(float(u[n]))
+    own, value = max([own, *rest]), abs(float(u[n]))
+    even = _even(problem, u, J, sizes)
+    if 0.0 < own < math.sqrt(EPS) * even:  # rounding of what is 0 there
+        own = even
     return own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
 
 
