@@ -46,7 +46,7 @@ def bending_sizes(
     Examples
     --------
     >>> bending_sizes(lambda x: [np.diag([-1.0 + 3e18 * x[0] ** 2, 0.5])[None]], 2, [np.zeros((1, 2, 2))]).tolist()
-    [1e-10, 1.0]
+    [1e-10, 1e-10]
     """
     origin = slopes(np.zeros(n))
     if not all(np.all(np.isfinite(matrices)) for matrices in origin):

@@ -365,8 +365,9 @@ class Definition:
         InputError
             There is no mode of that name.
         """
-        known = self.modes if mode in self.modes else [name for name in self.modes if name not in ENDS]
-        return self.mode_names.index(checks.chosen(self.part, mode, known))
+        names = self.mode_names
+        known = names if mode in names else [name for name in names if name not in ENDS]
+        return names.index(checks.chosen(self.part, mode, known))
 
     def _clean_outputs(self, outputs: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, str]]:
         clean: dict[str, dict[str, str]] = {}
