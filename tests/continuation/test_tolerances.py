@@ -31,8 +31,10 @@ def test_special_points_are_those_of_the_finest_tolerance(name: str, tolerance: 
 def test_what_is_right_to_the_tolerance_passes_verification(name: str, tolerance: float) -> None:
     checked = verify(tolerances.branch(name, tolerance))
     assert checked.passed, checked
-    # a column keeps the digits of the last Newton step, of which those of an orbit made anew may differ
-    assert not [row for row in checked.unchecked if not row.what.startswith("column")]
+    # a column keeps the digits of the last Newton step, of which those of an orbit made anew may differ; where an event
+    # is met without speed multipliers have no digits
+    left = [row for row in checked.unchecked if not row.what.startswith("column")]
+    assert not [row for row in left if not str(row.found).startswith("an event is met more slowly")]
 
 
 @pytest.mark.parametrize("tolerance", guarding(tolerances.TOLERANCES, 1e-5))
