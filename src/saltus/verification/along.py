@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 __all__ = ["course_rows"]
 
 _PLACE = re.compile(r"([A-Za-z_]\w*) = (-?(?:\d[\d.]*(?:e[+-]?\d+)?|inf|nan))(?=[,:]|$)")  # as in "A = 0.5, w = 1: ..."
-_AT_POINTS = {"the cycle shrinks to an equilibrium": "HB", "the cycle shrinks to a boundary equilibrium": "BE"}
+_AT_POINTS = {
+    "the cycle shrinks to an equilibrium": "HB",
+    "the cycle shrinks to a boundary equilibrium": "BE",
+    "the cycle shrinks to a two-fold": "BE",
+}
 _GOES_ON = frozenset({"SN", "BP", "BE", "TP", "CP", "BT", "HOM", "SNIC", *CHANGES})  # points beside which it may turn
 
 

@@ -25,7 +25,7 @@ from saltus.scales import (
     zero,
 )
 from saltus.verification.remade import Claim, claims, orbit_claims
-from saltus.verification.table import AGREES, DIFFERS, Row, unchecked
+from saltus.verification.table import AGREES, DIFFERS, Row, place_of, unchecked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,9 +107,7 @@ def _plain(value: Any) -> Any:
 def _of_points(curve: Any) -> Iterator[tuple[str, Iterator[Claim]]]:
     own: Callable[[Any, int], Iterator[Claim]] = _orbit if isinstance(curve, OrbitColumns) else _zero
     for i in range(len(curve)):
-        values = np.atleast_1d(curve.values[i])
-        place = ", ".join(f"{name} = {value:.6g}" for name, value in zip(curve.varied, values, strict=True))
-        yield place, own(curve, i)
+        yield place_of(curve, i), own(curve, i)
 
 
 def _orbit(curve: OrbitColumns, i: int) -> Iterator[Claim]:
@@ -159,7 +157,7 @@ def _of_locus(curve: Any, i: int, values: NDArray[np.complex128], growth: NDArra
     unit = float(np.abs(values).max(initial=0.0)) if resting else 1.0
     error = critical_error(getattr(curve, "tolerance", EQUATIONS_SOLVED)) * unit
     clear = np.isfinite(growth) & (np.abs(growth) > error)
-    told = bool(np.all(clear | (np.abs(growth) <= error))) if np.all(np.isfinite(growth)) else False
+    told = bool(np.all(np.isfinite(growth)))
     yield Claim.of("stable", curve.stable[i], not np.any(growth[clear] > 0.0), 0.0 if told else math.inf)
     for name in ("angle", "frequency"):
         if hasattr(curve, name):

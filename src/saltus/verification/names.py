@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
+from saltus.continuation.core.point_types import CHANGES, POINT_TYPES, accumulates
 from saltus.scales import EQUATIONS_SOLVED, Verdict, critical_error, zero
 from saltus.verification.table import AGREES, DIFFERS, Row, unchecked
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["named_rows"]
 
 _KINDS = ("", "persistence", "nonsmooth fold", "two-fold")
+_BESIDE = dict.fromkeys(CHANGES, "non-smooth fold") | {"BE": "two-fold"}  # what cycles have beside a point of a branch
 _SIDES = ("smaller", "larger")  # of a grazing, where its locus meets another one
 _ZEROS = ("SN", "TP", "BP", "CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF", "EX")  # types whose tests have a size of 1
 
@@ -66,7 +67,9 @@ def _of(curve: Any, point: SpecialPoint[Any]) -> bool:
         return point.of in curve.varied
     if point.type == "EX":
         return not curve.options or point.of in _events(curve)
-    if point.type == "BC" and point.of:
+    if len(curve.varied) == 1 and point.of == _BESIDE.get(point.type):
+        return True
+    if point.of and (point.type == "BC" or accumulates(point.type, point.locus)):
         return point.of in getattr(curve.system, "transition_names", (point.of,))
     at_sides = getattr(curve, "type", "") in CHANGES
     return point.of in ("", *(_SIDES if at_sides else ()))

@@ -354,6 +354,8 @@ def _shrunk_rows(orbit: PeriodicOrbit) -> list[Row]:
     """Return the checks of a cycle that has shrunk to an equilibrium: an imaginary pair of its period."""
     reference, mode = Reference(orbit.system, orbit.parameters), orbit.form.modes[0]
     x = orbit.states[0].copy()
+    if np.abs(np.linalg.eigvals(reference.field_slope(mode, x))).max() * abs(orbit.period) < math.pi:  # half a turn
+        return [unchecked("orbit", orbit.period, "the cycle has shrunk to a point where no field vanishes")]
     for _ in range(_STEPS):
         A = reference.field_slope(mode, x)
         x = x - np.linalg.solve(A, reference.field(mode, x[:, None])[:, 0])

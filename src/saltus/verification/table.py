@@ -7,12 +7,17 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from saltus.scales import LEAST_ALLOWANCE
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["AGREES", "DIFFERS", "UNCHECKED", "Row", "Verification", "compared", "equal", "placed", "unchecked", "worst"]
+__all__ = [
+    "AGREES", "DIFFERS", "UNCHECKED", "Row", "Verification",
+    "compared", "equal", "place_of", "placed", "unchecked", "worst",
+]  # fmt: skip
 
 AGREES = "agrees"  # verdict: both values are the same within what is allowed
 DIFFERS = "differs"  # verdict: they are not
@@ -145,6 +150,12 @@ def worst(rows: Iterable[Row]) -> list[Row]:
         elif row.what not in kept or _share(row) > _share(kept[row.what]):
             kept[row.what] = row
     return [*(kept[what] for what in first if what in kept), *failed]
+
+
+def place_of(curve: Any, index: int) -> str:
+    """Return the parameters of a point of a curve as text."""
+    values = np.atleast_1d(curve.values[index])
+    return ", ".join(f"{name} = {value:.6g}" for name, value in zip(curve.varied, values, strict=True))
 
 
 def placed(place: str, rows: Iterable[Row]) -> list[Row]:

@@ -30,7 +30,7 @@ from saltus.verification.averages import average_rows
 from saltus.verification.best import fit_rows, optimum_rows
 from saltus.verification.columns import ELSEWHERE, column_rows, solution_rows
 from saltus.verification.orbits import OrbitCheck
-from saltus.verification.table import Row, Verification, compared, equal, placed, unchecked, worst
+from saltus.verification.table import Row, Verification, compared, equal, place_of, placed, unchecked, worst
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -174,11 +174,9 @@ def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> 
     rows = [row for one in wanted for row in check.condition(one, multiplicity)]
     if point.type not in check.shrinks_at:
         rows += [row for row in check.rows() if not _is_critical(row)]
-    if point.type not in check.shrinks_at:
         told = () if point.type in _AT_SURFACES else ("regular", "admissible")
-        along = sizes if point.scale is None else point.scale  # of all points of a map orbit
-        if isinstance(point.solution, MapOrbit) and along is sizes:
-            along = None
+        states = None if isinstance(point.solution, MapOrbit) else sizes  # a map orbit has sizes at each of its points
+        along = states if point.scale is None else point.scale
         rows += solution_rows(point.solution, [claim for claim in ELSEWHERE if claim not in told], along)
     return placed(point.label, rows)
 
@@ -196,12 +194,12 @@ def _curve_rows(curve: Any, points: int) -> list[Row]:
     sizes = sizes_of(curve.x0)
     for index in chosen:
         check = _check(curve.solution(index), sizes)
-        rows += placed(_place(curve, index), check.rows())
+        rows += placed(place_of(curve, index), check.rows())
         if isinstance(check, OrbitCheck) and check.found is not None:
-            rows += placed(_place(curve, index), average_rows(curve, index, check.found))
+            rows += placed(place_of(curve, index), average_rows(curve, index, check.found))
         counts[index] = check.unstable()
         if len(curve.varied) > 1:
-            rows += placed(_place(curve, index), check.condition(curve.type))
+            rows += placed(place_of(curve, index), check.condition(curve.type))
     rows = worst(rows)
     for point in curve.special_points:
         rows += _point_rows(point, sizes)
@@ -243,11 +241,6 @@ def _chosen(curve: Any, points: int) -> list[int]:
     return sorted({index for index in (*spread, *beside) if 0 <= index <= last})
 
 
-def _place(curve: Any, index: int) -> str:
-    values = np.atleast_1d(curve.values[index])
-    return ", ".join(f"{name} = {value:.6g}" for name, value in zip(curve.varied, values, strict=True))
-
-
 def _account(curve: Any, counts: dict[int, tuple[int, bool]]) -> Iterator[Row]:
     """Yield for each two neighbouring checked solutions whether the points between explain what changes."""
     met = [p.position for p in curve.special_points if p.type in _AT_SURFACES]
@@ -264,7 +257,7 @@ def _account(curve: Any, counts: dict[int, tuple[int, bool]]) -> Iterator[Row]:
         if not _explains(between, change):
             told = " and ".join(p.label for p in between) or "no point"
             row = equal("change of the unstable directions", f"as by {told}", f"{change:+d}")
-            yield row._replace(place=f"{_place(curve, a)} to {_place(curve, b)}")
+            yield row._replace(place=f"{place_of(curve, a)} to {place_of(curve, b)}")
     yield equal("changes of stability that are explained", changes, explained)
 
 
