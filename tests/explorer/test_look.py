@@ -88,6 +88,8 @@ def test_complex_numbers_read_as_in_print(value, text):
 def test_special_points_have_a_meaning_and_events_are_events():
     assert look.meaning_of("PD") == "period doubling"
     assert look.meaning_of("a user's event") == "event"
+    assert look.meaning_of("CH") == "accumulation of hits"
+    assert look.meaning_of("CH", "TR") == "Chenciner point"
 
 
 def test_the_style_sheets_know_what_the_page_writes():

@@ -84,15 +84,17 @@ def readable(colour: str) -> str:
     return found
 
 
-def form_of(kind: str) -> style.Marker:
+def form_of(kind: str, locus: str = "") -> style.Marker:
     """Return how a special point is drawn: as in the package's pictures, but readable, and told apart by its shape.
+
+    locus: type of the locus on which it lies; empty on a branch.
 
     Examples
     --------
     >>> form_of("SN").marker, form_of("GR").marker
     ('o', 'P')
     """
-    known = style.SPECIAL.get(kind, style.EVENT)
+    known = style.marker_of(kind, locus) or style.EVENT
     marker, size = _SHAPES.get(kind, (known.marker, known.size))
     return replace(known, marker=marker, size=size, colour=readable(known.colour))
 

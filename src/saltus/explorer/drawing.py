@@ -49,6 +49,7 @@ class Mark:
     label: str
     x: float
     y: float
+    locus: str = ""  # type of the locus on which it lies; empty on a branch
 
 
 @dataclass(frozen=True)
@@ -132,9 +133,10 @@ def _(curve: Any, names: Sequence[str]) -> Drawn:
         raise InputError("axes", ", ".join(names), f"with {' or '.join(curve.varied)}")
     sheets = sheets_of(curve, names)
     strands = tuple(Strand(stretch.kind, *stretch.places) for sheet in sheets for stretch in stretches_of(sheet, names))
-    marks = (Mark(p.type, p.label, *coordinates_of(curve, p, names).tolist()) for p in curve.special_points)
+    places = [(p, *coordinates_of(curve, p, names).tolist()) for p in curve.special_points]
+    marks = tuple(Mark(p.type, p.label, x, y, p.locus) for p, x, y in places)
     if not along_one:
-        return Drawn(strands, tuple(marks))
+        return Drawn(strands, marks)
     points = np.vstack([np.column_stack([_column(sheet, name) for name in names]) for sheet in sheets])
     stable = np.tile(curve.stable, len(sheets))
     near = np.zeros(len(curve), bool)
@@ -142,7 +144,7 @@ def _(curve: Any, names: Sequence[str]) -> Drawn:
         if _UNBOUNDED in reason:
             near |= np.abs(curve.values - curve.values[end]) < _STEEP * float(np.ptp(curve.values))
     bounded = points[~np.tile(near, len(sheets))] if near.any() and not near.all() else None
-    return Drawn(strands, tuple(marks), points, stable, len(curve), bounded)
+    return Drawn(strands, marks, points, stable, len(curve), bounded)
 
 
 def extent_of(found: Drawn) -> NDArray[np.float64]:
@@ -167,7 +169,7 @@ def _(branch: MapBranch, names: Sequence[str]) -> list[Any]:
 @drawn.register
 def _(cascade: Doublings, names: Sequence[str]) -> Drawn:
     places = (_place(point.solution, names) for point in cascade.points)
-    return Drawn(marks=tuple(Mark("PD", f"PD{i}", *place) for i, place in enumerate(places, 1)))
+    return Drawn(marks=tuple(Mark("PD", f"PD{i}", x, y) for i, (x, y) in enumerate(places, 1)))
 
 
 @drawn.register

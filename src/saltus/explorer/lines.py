@@ -79,7 +79,7 @@ def title_of(place: Place, results: Any, solution: Any) -> str:
     where = place.of
     if place.label is not None:
         point = results[place.of][place.label]
-        where += f" {place.label}, {look.meaning_of(point.type)}"
+        where += f" {place.label}, {look.meaning_of(point.type, point.locus)}"
     elif place.index is not None:
         where += f" point {place.index}"
     varied = getattr(results[place.of], "varied", ())

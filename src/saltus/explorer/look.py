@@ -227,15 +227,15 @@ def number(value: float) -> str:
     return f"{value:.9g}"
 
 
-def meaning_of(kind: str) -> str:
-    """Return what a type of special point means.
+def meaning_of(kind: str, locus: str = "") -> str:
+    """Return what a type of special point means on a branch, or on a locus of some type.
 
     Examples
     --------
     >>> meaning_of("SN")
     'saddle-node'
     """
-    return style.SPECIAL[kind].meaning if kind in style.SPECIAL else "event"
+    return (style.marker_of(kind, locus) or style.EVENT).meaning
 
 
 def complex_text(value: complex) -> str:

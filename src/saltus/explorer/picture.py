@@ -97,7 +97,7 @@ def _draw(ax: Axes, found: Drawn, name: str, colour: str, named: _Named) -> None
         if strand.kind != "stable":
             named.kinds.setdefault(strand.kind, Line2D([], [], **{**line, "color": INK if sound else FAULTY}))
     for mark in found.marks:
-        form = form_of(mark.type)
+        form = form_of(mark.type, mark.locus)
         (drawn_mark,) = ax.plot([mark.x], [mark.y], zorder=5, **form.options())
         known = f"{mark.type}, {form.meaning}" if mark.type in style.SPECIAL else style.plain(mark.type)
         named.types.setdefault(known, drawn_mark)

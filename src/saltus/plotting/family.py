@@ -139,7 +139,7 @@ def _draw_special(ax: Axes, branch: Branch, x: str, y: str, depth: float, deep: 
     for kind in _kinds([branch]):
         points = [point for point in branch.special_points if point.type == kind]
         places = np.array([[branch.value_at(point, x), branch.value_at(point, y)] for point in points]).T
-        ax.plot(*_placed(places[0], places[1], depth, deep), zorder=order, **_marker(kind).options())
+        ax.plot(*_placed(places[0], places[1], depth, deep), zorder=order, **style.on_branches(kind).options())
 
 
 def _kinds(branches: list[Branch]) -> list[str]:
@@ -148,17 +148,13 @@ def _kinds(branches: list[Branch]) -> list[str]:
     return [kind for kind in style.SPECIAL if kind in found] + [kind for kind in found if kind not in style.SPECIAL]
 
 
-def _marker(kind: str) -> style.Marker:
-    return style.on_branches(kind)
-
-
 def _draw_legend(ax: Axes, kinds: list[str], branches: list[Branch], alone: bool) -> None:
     """Draw the legend of line kinds and special points; above the axes if these are alone in their figure."""
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], label=kind, **style.LINES[kind]) for kind in kinds]
     for kind in _kinds(branches):
-        marker = _marker(kind)
+        marker = style.on_branches(kind)
         label = f"{kind}, {marker.meaning}" if marker.meaning else style.plain(kind)
         handles.append(Line2D([], [], label=label, **marker.options()))
     if alone:

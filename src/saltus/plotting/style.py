@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
-from saltus.continuation.core.point_types import ACCUMULATION, POINT_TYPES, type_on
+from saltus.continuation.core.point_types import POINT_TYPES, PointType, type_on
 from saltus.errors import InputError
 from saltus.extras import check_installed
 
@@ -87,16 +87,12 @@ class Marker:
         }
 
 
-# Markers of special points.
-SPECIAL: Mapping[str, Marker] = MappingProxyType(
-    {name: Marker(of.legend, of.marker, of.colour, of.filled, of.size) for name, of in POINT_TYPES.items()}
-)
+def _marker(of: PointType) -> Marker:
+    return Marker(of.legend, of.marker, of.colour, of.filled, of.size)
 
-_ON_BRANCHES = {
-    name: Marker(of.legend, of.marker, of.colour, of.filled, of.size)
-    for name in (ACCUMULATION,)
-    if (of := type_on(name)) is not None
-}
+
+# Markers of special points, those of loci where letters have two meanings.
+SPECIAL: Mapping[str, Marker] = MappingProxyType({name: _marker(of) for name, of in POINT_TYPES.items()})
 
 EVENT = Marker("event", "o", "#8a6d00", filled=False)  # marker of a user's event
 
@@ -204,7 +200,13 @@ def on_branches(kind: str) -> Marker:
     >>> on_branches("CH").meaning, SPECIAL["CH"].meaning
     ('accumulation of hits', 'Chenciner point')
     """
-    return _ON_BRANCHES.get(kind) or SPECIAL.get(kind, replace(EVENT, meaning=""))
+    return marker_of(kind) or replace(EVENT, meaning="")
+
+
+def marker_of(kind: str, locus: str = "") -> Marker | None:
+    """Return the marker of a type of special points of a branch, or of a locus of some type; None of users' events."""
+    of = type_on(kind, locus)
+    return None if of is None else _marker(of)
 
 
 def axes(ax: Axes | None) -> Axes:

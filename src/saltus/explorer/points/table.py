@@ -33,6 +33,7 @@ class Row(NamedTuple):
     x: float  # the diagram's quantities there; NaN where the result has none of this name
     y: float
     form: str  # its normal form in words; empty where its type has none
+    locus: str = ""  # type of the locus on which it lies; empty on a branch
 
 
 def rows_of(results: Mapping[str, Any], axes: tuple[str, str], forms: Mapping[tuple[str, str], str]) -> list[Row]:
@@ -50,12 +51,16 @@ def rows_of(results: Mapping[str, Any], axes: tuple[str, str], forms: Mapping[tu
     return [
         Row(
             name, point.label, point.type, float(point.position), _at(curve, point, axes[0]),
-            _at(curve, point, axes[1]), forms.get((name, point.label), ""),
+            _at(curve, point, axes[1]), forms.get((name, point.label), ""), point.locus,
         )
         for name, curve in results.items()
         if isinstance(curve, SolutionCurve)
         for point in curve.special_points
     ]  # fmt: skip
+
+
+def _meaning(row: Row) -> str:
+    return form_of(row.type, row.locus).meaning
 
 
 def _at(curve: Any, point: Any, name: str) -> float:
@@ -79,7 +84,7 @@ def sorted_rows(rows: Sequence[Row], column: str, *, falling: bool = False) -> l
     """
     keys: Mapping[str, Any] = {
         "result": lambda row: (_numbered(row.of), row.position), "point": lambda row: _numbered(row.label),
-        "meaning": lambda row: form_of(row.type).meaning, "x": lambda row: row.x, "y": lambda row: row.y,
+        "meaning": _meaning, "x": lambda row: row.x, "y": lambda row: row.y,
         "normal form": lambda row: row.form,
     }  # fmt: skip
     told = [row for row in rows if column not in ("x", "y") or keys[column](row) == keys[column](row)]
@@ -127,7 +132,7 @@ def _head(name: str, told: str, column: str) -> str:
 
 
 def _line(row: Row, selected: Place | None) -> str:
-    form, chosen = form_of(row.type), selected == Place(of=row.of, label=row.label)
+    form, chosen = form_of(row.type, row.locus), selected == Place(of=row.of, label=row.label)
     cells = [
         f"<td>{escape(row.of)}</td>",
         f'<td><button class="point" {wish("take", row.of, row.label)}>'
@@ -154,7 +159,7 @@ def text_of(rows: Sequence[Row], axes: tuple[str, str]) -> str:
     """
     lines: list[tuple[str, ...]] = [("result", "point", "meaning", *axes, "normal form")]
     lines += [
-        (row.of, row.label, form_of(row.type).meaning, *("" if v != v else repr(v) for v in (row.x, row.y)), row.form)
+        (row.of, row.label, _meaning(row), *("" if v != v else repr(v) for v in (row.x, row.y)), row.form)
         for row in rows
     ]
     return "".join("\t".join(line) + "\n" for line in lines)

@@ -348,7 +348,7 @@ def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colo
         }  # fmt: skip
         _append(columns["strands"], row)
     for mark in found.marks:
-        form = colours.form_of(mark.type)
+        form = colours.form_of(mark.type, mark.locus)
         marker, angle = colours.MARKERS[form.marker]
         row = {
             "x": mark.x, "y": mark.y, "label": "", "told": mark.label, "of": name, "meant": form.meaning,
