@@ -35,6 +35,7 @@ from saltus import (
     run_sweep,
     simulate,
     solve_orbit,
+    verify,
 )
 from saltus.basins.attractors.attractors import Attractors
 from saltus.basins.attractors.found import AttractorOptions
@@ -123,6 +124,9 @@ def samples() -> dict[str, Result]:
         "basins": basins(held),
         "array": Basins.from_array([0, 1, 1, 0], {"x": np.arange(4.0)}, {"a": 0, "b": 1}, {"a": [[1.0]]}),
         "profile": profile,
+        "point": branch["PD1"],
+        "bifurcation": fold,
+        "verification": verify(rests.solution(0)),
         **_of_maps(),
     }  # fmt: skip
 
@@ -252,7 +256,16 @@ def _use_profile(found: Any) -> None:
             found.of(measure, name)
 
 
+def _use_point(found: Any) -> None:
+    repr((found.multiplicity, found.sizes, found.parameters, found.normal_form))
+
+
+def _use_verification(found: Any) -> None:
+    repr((found.passed, found.failures, found.unchecked)), found.to_dataframe()
+
+
 _USES: Mapping[str, Callable[[Any], None]] = {
+    "SpecialPoint": _use_point, "Verification": _use_verification,
     "Trajectory": _use_trajectory, "Iterates": _use_iterates,
     "PeriodicOrbit": _use_orbit, "Branch": _use_curve, "Locus": _use_curve,
     "Equilibrium": _use_equilibrium, "EquilibriumBranch": _use_equilibria, "EquilibriumLocus": _use_equilibria,

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import mutated
+from explained import unexplained
 from saltus import InputError, load
 from saltus.afm.paper.figures.files import read_results
 from saltus.files import write_sealed
@@ -39,6 +40,10 @@ def test_files_with_one_thing_changed_are_told_in_a_line_or_can_be_used(held, tm
         assert outcome in ("told", "used", "told at use", "another system"), (name, seed, said, outcome)
         outcomes.add(outcome)
     assert {"told", "used"} <= outcomes
+
+
+def test_every_variable_of_every_dataset_says_what_it_is(held):
+    assert {name: told for name, result in held.items() if (told := unexplained(result.to_xarray()))} == {}
 
 
 @pytest.mark.campaign

@@ -47,6 +47,7 @@ _HOMES = {
     "MapCascade": "saltus.continuation.results.map_cascade",
     "MapLocus": "saltus.continuation.results.map_locus",
     "Branch": "saltus.continuation.results.branch",
+    "SpecialPoint": "saltus.continuation.results.special_points",
     "Locus": "saltus.continuation.results.locus",
     "Family": "saltus.continuation.results.family",
     "Cascade": "saltus.continuation.results.cascade",
@@ -63,6 +64,7 @@ _HOMES = {
     "FrequencyShift": "saltus.afm.fm.shift_curve",
     "ReconstructedForce": "saltus.afm.reconstruction.force",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
+    "Verification": "saltus.verification.table",
 }
 _STORE = "zarr.json"  # file by which a folder is known as a Zarr store
 _UNPACKED = 2**28  # bytes to which any file may unpack

@@ -7,6 +7,7 @@ import math
 import pytest
 
 import saltus
+from explained import unexplained
 from known_maps import delayed, henon, logistic
 from saltus import Map, diagram
 from saltus.options import DiagramOptions
@@ -74,6 +75,7 @@ def test_the_other_branch_of_a_plane_map_is_its_point_0_and_not_rounding_of_it()
 @pytest.mark.campaign
 def test_a_diagram_of_a_map_is_saved_loaded_listed_and_told(of_logistic, tmp_path):
     assert saltus.load(of_logistic.save(tmp_path / "diagram.nc")) == of_logistic
+    assert unexplained(of_logistic.to_xarray()) == []
     table = of_logistic.table()
     assert list(table["of"]) == ["map orbits"] * 5
     assert list(table["period"]) == [1, 1, 2, 4, 8]

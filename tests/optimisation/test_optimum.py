@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import saltus
+from explained import unexplained
 from saltus import InputError, find_orbit, optimise
 from saltus.results import Optimum
 
@@ -97,6 +98,7 @@ KINDS = {
 def test_an_optimum_without_constraints_is_read_back_equal(free, tmp_path, kind):
     one = replace(free, **KINDS[kind])
     again = saltus.load(one.save(tmp_path / "optimum.nc"))
+    assert unexplained(again.to_xarray()) == []
     assert isinstance(again, Optimum)
     assert again == one
     assert pickle.loads(pickle.dumps(one)) == one

@@ -13,6 +13,7 @@ import numpy as np
 from saltus import checks
 from saltus.algebraic.solution import AlgebraicSolution, Packed
 from saltus.contents import Contents
+from saltus.described import described
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.equilibria.pseudo import beside_two_fold, residual_of
 from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of, multiplicity, sized_eigenvalues, terms_at
@@ -234,6 +235,7 @@ class Equilibrium(AlgebraicSolution):
         """Return one state by its name."""
         return float(self.state[self.system.states.index(checks.chosen("state", state, self.system.states))])
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the equilibrium as a Dataset: the state against ``state``, eigenvalues against ``eigenvalue``."""
         from saltus.extras import xr

@@ -14,6 +14,7 @@ from saltus import checks
 from saltus.contents import checked_texts
 from saltus.continuation import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.extras import check_installed
 from saltus.fitting.goodness import misfit_of
@@ -262,6 +263,7 @@ class Fit(Result):
         result._calculate_statistics()
         return result
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the fit as a Dataset: parameters along ``vary``, data along ``datum``, branches along ``point``."""
         from saltus.extras import xr

@@ -12,6 +12,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.flow.amplitude_spectrum import Window, spectrum
 from saltus.flow.event_tables import code_of, event_table, indices_of
@@ -334,6 +335,7 @@ class Trajectory(Result):
             f"  {self.stopped}{beyond}"
         )
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset with dimensions event, step, coefficient and state."""
         from saltus.extras import xr

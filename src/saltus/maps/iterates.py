@@ -11,6 +11,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.maps.code import LIMIT, STRETCH, MapCode, code_of, error_of
 from saltus.maps.observing import observe_states
@@ -151,6 +152,7 @@ class Iterates(Result):
             lines.append(f"  pieces {', '.join(shown)}{more}")
         return "\n".join(lines)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset with the dimensions iteration and state."""
         from saltus.extras import xr

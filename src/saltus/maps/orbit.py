@@ -12,6 +12,7 @@ import numpy as np
 from saltus import checks
 from saltus.algebraic.solution import AlgebraicSolution, Packed
 from saltus.contents import Contents
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.flow.starting import negative_root
 from saltus.maps.problem import MapOrbitProblem
@@ -235,6 +236,7 @@ class MapOrbit(AlgebraicSolution):
         pieces = itinerary_of(self.system, self.itinerary)
         return evaluate(self.system, expression, self.points, np.array(pieces), self.parameters)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the orbit as a Dataset: points against ``iteration`` and ``state``."""
         from saltus.extras import xr

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.result import Result, frozen
@@ -126,6 +127,7 @@ class Optimum(Result):
         columns = {"side": self.sides, "value": self.seen, "bound": self.limits, "multiplier": self.multipliers}
         return pd.DataFrame(columns, index=pd.Index(self.constraints, name="constraint"))
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the optimum as a Dataset: parameters along ``over``, bounds along ``constraint``, and the orbit."""
         orbit = self.orbit.to_xarray()

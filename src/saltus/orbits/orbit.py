@@ -12,6 +12,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents, complex_of
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Estimate, estimate, observe
@@ -248,6 +249,7 @@ class PeriodicOrbit(Solution):
         follow_from(problem, np.append(self.unknowns, p[index] / scale))
         return problem
 
+    @described
     def sample(self, points: int = 400) -> xr.Dataset:
         """Return the orbit over one period.
 
@@ -362,16 +364,15 @@ class PeriodicOrbit(Solution):
         found = sensitivities(problem, u, names).dataset(problem)
         return found if wanted == ordered else found.sel(parameter=list(wanted))
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return segments, multipliers, extremes and a sampled period as a Dataset."""
-        dataset, named = self.sample(), self.form.names_of_pieces(self.system)
-        dataset["segment_state"] = (("segment", "state"), self.states)
-        dataset["segment_duration"] = ("segment", self.durations)
-        dataset["multiplier_re"] = ("multiplier", self.multipliers.real)
-        dataset["multiplier_im"] = ("multiplier", self.multipliers.imag)
-        dataset["x0"] = ("own_state", self.x0)
-        dataset["minimum"] = ("quantity", self.lows)
-        dataset["maximum"] = ("quantity", self.highs)
+        named = self.form.names_of_pieces(self.system)
+        dataset = self.sample().assign(
+            segment_state=(("segment", "state"), self.states), segment_duration=("segment", self.durations),
+            multiplier_re=("multiplier", self.multipliers.real), multiplier_im=("multiplier", self.multipliers.imag),
+            x0=("own_state", self.x0), minimum=("quantity", self.lows), maximum=("quantity", self.highs),
+        )  # fmt: skip
         dataset = dataset.assign_coords(
             state=list(self.system.all_states),
             own_state=list(self.system.states),
@@ -385,8 +386,7 @@ class PeriodicOrbit(Solution):
             **{name: getattr(self, name) for name in ("period", "residual", "faults", "tolerance")},
             **{name: int(getattr(self, name)) for name in ("stable", "admissible", "implicit")},
         }  # fmt: skip
-        dataset.attrs |= {} if self.fixed is None else {"fixed": json.dumps(self.fixed.as_list())}
-        return dataset
+        return dataset.assign_attrs({} if self.fixed is None else {"fixed": json.dumps(self.fixed.as_list())})
 
     @classmethod
     def _read(cls, held: Contents) -> PeriodicOrbit:

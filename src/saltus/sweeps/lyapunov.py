@@ -12,6 +12,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.flow.motion import tolerances_of
 from saltus.flow.sizes import ATOL, fitting_atol
@@ -174,6 +175,7 @@ class LyapunovSpectrum(Result):
             lines.append(f"  {self.stopped}")
         return "\n".join(lines)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset with dimensions exponent, row and state; rates are per unit of time."""
         from saltus.extras import xr

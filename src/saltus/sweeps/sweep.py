@@ -14,6 +14,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.result import Result, frozen
 from saltus.system import HybridSystem, Map
@@ -284,6 +285,7 @@ class Sweep(Result):
             lines.append(f"  at {self.values[k]:.6g}: {self.reasons[i, k]}")
         return "\n".join([*lines, f"  {self.stopped}"])
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset, with the dimensions direction, value, kept, quantity, exponent and others."""
         from saltus.extras import xr

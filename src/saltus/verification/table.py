@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from saltus.contents import as_json
+from saltus.described import described
+from saltus.errors import InputError
+from saltus.result import Result
 from saltus.scales import LEAST_ALLOWANCE
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
+
+    from saltus.contents import Contents
 
 __all__ = [
     "AGREES", "DIFFERS", "UNCHECKED", "Row", "Verification",
@@ -56,8 +64,8 @@ class Row(NamedTuple):
     place: str = ""
 
 
-@dataclass(frozen=True, repr=False)
-class Verification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Verification(Result):
     """Checks of a solution or a curve by means that share no code with how it was made; `verify` makes it.
 
     Attributes
@@ -106,6 +114,32 @@ class Verification:
         from saltus.extras import pd
 
         return pd.DataFrame(self.rows, columns=list(Row._fields))
+
+    @described
+    def to_xarray(self) -> xr.Dataset:
+        """Return the table as a Dataset along ``row``; ``said`` and ``found`` are JSON."""
+        from saltus.extras import xr
+
+        data: dict[str, Any] = {
+            name: ("row", np.array([getattr(row, name) for row in self.rows], dtype=object))
+            for name in ("what", "verdict", "place")
+        }
+        data |= {name: ("row", np.array([_written(getattr(row, name)) for row in self.rows], dtype=object))
+                 for name in ("said", "found")}  # fmt: skip
+        data |= {name: ("row", np.array([getattr(row, name) for row in self.rows], dtype=float))
+                 for name in ("difference", "allowed")}  # fmt: skip
+        return xr.Dataset(data, attrs={"subject": self.subject})
+
+    @classmethod
+    def _read(cls, held: Contents) -> Self:
+        texts = {name: held.array(name, ("row",), str).tolist() for name in ("what", "said", "found", "place")}
+        verdicts = held.array("verdict", ("row",), str).tolist()
+        if unknown := set(verdicts) - {AGREES, DIFFERS, UNCHECKED}:
+            raise InputError("variable 'verdict'", min(unknown), f"{AGREES}, {DIFFERS} or {UNCHECKED}")
+        said, found = ([_value(text) for text in texts[name]] for name in ("said", "found"))
+        numbers = (held.array(name, ("row",), finite=False).tolist() for name in ("difference", "allowed"))
+        rows = zip(texts["what"], said, found, *numbers, verdicts, texts["place"], strict=True)
+        return cls(held.text("subject"), tuple(Row(*row) for row in rows))
 
     def __repr__(self) -> str:
         agreed = len(self.rows) - len(self.failures) - len(self.unchecked)
@@ -161,6 +195,18 @@ def place_of(curve: Any, index: int) -> str:
 def placed(place: str, rows: Iterable[Row]) -> list[Row]:
     """Return rows with the place of their solution."""
     return [row._replace(place=place) for row in rows]
+
+
+def _written(value: Any) -> str:
+    """Return a value of a row as JSON."""
+    value = value.item() if isinstance(value, np.generic) else value
+    return json.dumps({"re": value.real, "im": value.imag} if isinstance(value, complex) else value)
+
+
+def _value(text: str) -> Any:
+    """Return the value that `_written` wrote."""
+    value = as_json(text, "a value of a row", object)
+    return complex(value["re"], value["im"]) if isinstance(value, dict) and value.keys() == {"re", "im"} else value
 
 
 def _share(row: Row) -> float:

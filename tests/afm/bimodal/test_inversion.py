@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import saltus
+from explained import unexplained
 from saltus import afm
 from saltus.errors import InputError
 
@@ -112,6 +113,7 @@ def test_a_map_is_saved_loaded_and_drawn(tmp_path):
     found = afm.bimodal_map(read(seen), PROBE, VISCOUS, AM_FM, sigma={"lag_deg": 0.1})
     again = saltus.load(found.save(tmp_path / "map.nc"))
     assert again.to_xarray().equals(found.to_xarray())
+    assert unexplained(again.to_xarray()) == []
     assert again.derivatives.keys() == found.derivatives.keys()
     assert json.loads(again.to_xarray().attrs["found"]) == list(found.found)
     assert len(found.plot(("E_GPa", "eta_Pa_s"))) == 2

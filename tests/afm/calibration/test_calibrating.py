@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import saltus
+from explained import unexplained
 from saltus import afm
 from saltus.afm.calibration.thermal import oscillator
 from saltus.errors import InputError
@@ -123,6 +124,7 @@ def test_a_file_goes_to_a_probe_in_one_call_and_results_are_kept(tmp_path, in_vo
     assert afm.calibrate(file, T_K=(T_K, 1.0), invols_nm_V=(INVOLS, 1.0), **SIZES) == in_volts
     again = saltus.load(in_volts.save(tmp_path / "lever.nc"))
     assert again == in_volts
+    assert unexplained(again.to_xarray()) == []
     assert repr(again) == repr(in_volts)
     assert "k_sader_N_m" in repr(again)
 

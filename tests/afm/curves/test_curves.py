@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import saltus
+from explained import unexplained
 from saltus import InputError, afm
 from saltus.afm.models.parts import values_of
 
@@ -76,7 +77,8 @@ def test_paths_follow_stable_sheets_and_jump_where_these_end(curve):
         (behind,) = np.flatnonzero(path["jump"].values)
         assert path["Zc_nm"].values[behind - 1 : behind + 1] == pytest.approx([place, place], abs=1e-8)
         assert np.all(sign * np.diff(path["Zc_nm"].values) >= 0.0)
-        assert path["amplitude_nm"].attrs == {"units": "nm", "long_name": "amplitude"}
+        assert path["amplitude_nm"].attrs == {"units": "nm", "long_name": "amplitude", "description": "Amplitude."}
+        assert unexplained(path) == []
         assert path.attrs["stopped"].endswith("the end of the range")
     # a simulation that starts on the path just before the jump and goes past it settles on the path behind it
     before, after = curve.jumps[0].before_nm, curve.jumps[0].after_nm
@@ -96,7 +98,8 @@ def test_a_curve_is_saved_and_read_back_equal(curve, tmp_path):
     held = saltus.load(curve.save(tmp_path / "curve.nc"))
     assert held == curve
     assert held.jumps == curve.jumps
-    dataset = curve.to_xarray()
+    dataset = curve.to_xarray(harmonics=[2])
+    assert unexplained(dataset) == []
     assert dataset["lag_deg"].attrs["units"] == "degrees"
     assert dataset.attrs["phase_convention"] == "lag90"
     assert "approach" in repr(curve)
@@ -353,9 +356,10 @@ def test_what_settles_on_no_orbit_is_told_and_kept(tune, tmp_path):
 
 
 def test_distance_and_frequency_have_units_and_names_in_datasets(curve, tune):
-    told = {"units": "nm", "long_name": "distance"}
+    told = {"units": "nm", "long_name": "distance", "description": "Distance."}
     assert curve.to_xarray()["Zc_nm"].attrs == curve.path("approach")["Zc_nm"].attrs == told
-    assert tune.to_xarray()["f_kHz"].attrs == {"units": "kHz", "long_name": "frequency of the first drive"}
+    told = {"units": "kHz", "long_name": "frequency of the first drive"}
+    assert tune.to_xarray()["f_kHz"].attrs == told | {"description": "Frequency of the first drive."}
 
 
 def test_progress_tells_orbits_and_motions_that_settle():

@@ -6,6 +6,7 @@ import matplotlib
 import pytest
 
 import saltus
+from explained import unexplained
 from saltus import afm
 from saltus.afm.curves import fold_search
 from saltus.errors import InputError
@@ -133,6 +134,7 @@ def test_folds_of_a_distance_curve_lie_on_the_locus(lever, region):
 def test_region_comes_back_from_its_file(region, tmp_path):
     assert saltus.load(region.save(tmp_path / "region.nc")) == region
     held = region.to_xarray()
+    assert unexplained(held) == []
     for change, told in (
         ({"loci": "[]"}, "one locus or more"),
         ({"A0_nm": "[3, 1]"}, "the lower one first"),

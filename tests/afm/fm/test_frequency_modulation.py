@@ -11,6 +11,7 @@ from scipy.fft import dct
 from scipy.integrate import quad
 
 import saltus
+from explained import unexplained
 from saltus import afm
 from saltus.errors import InputError
 from selection import guarding
@@ -196,6 +197,7 @@ def test_a_drive_at_the_shifted_frequency_makes_the_same_motion(lever, curve):
 @pytest.mark.campaign
 def test_curve_comes_back_from_its_file(curve, tmp_path):
     assert saltus.load(curve.save(tmp_path / "shift.nc")) == curve
+    assert unexplained(curve.to_xarray()) == []
     with pytest.raises(InputError, match="shift_Hz"):
         afm.FrequencyShift.from_xarray(curve.to_xarray().drop_vars("shift_Hz"))
     with pytest.raises(InputError, match="amplitude"):

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import saltus
+from explained import unexplained
 from saltus import afm
 from saltus.continuation import StepControl
 from saltus.errors import InputError
@@ -142,6 +143,7 @@ def test_a_force_survives_its_file_and_is_drawn(contact, tmp_path):
 
     matplotlib.use("Agg")
     assert saltus.load(contact.save(tmp_path / "force.nc")) == contact
+    assert unexplained(contact.to_xarray()) == []
     axes = contact.plot({"a law": CONTACT})
     assert [axes.get_xlabel(), axes.get_ylabel()] == ["gap $D$ (nm)", "force (nN)"]
     assert "a law" in [text.get_text() for text in axes.get_legend().get_texts()]

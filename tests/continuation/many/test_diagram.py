@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import saltus
+from explained import unexplained
 from saltus import HybridSystem, InputError, Mode, StepControl, diagram
 from saltus.options import DiagramOptions
 from saltus.results import Diagram, EquilibriumBranch
@@ -129,6 +130,7 @@ def test_progress_tells_branch_and_parameter(nagumo):
 @pytest.mark.campaign
 def test_a_file_holds_all_branches(of_lure, tmp_path):
     of_lure.save(tmp_path / "a.nc")
+    assert unexplained(of_lure.to_xarray()) == []
     again = saltus.load(tmp_path / "a.nc")
     assert isinstance(again, Diagram)
     assert again == of_lure

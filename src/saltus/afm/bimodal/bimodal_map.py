@@ -14,6 +14,7 @@ from saltus import checks
 from saltus.afm.bimodal.balance import OF_MODES, mode_of
 from saltus.afm.models.readings import READINGS, Reading
 from saltus.afm.probe.units import quantity_of
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.result import Result, frozen
 
@@ -134,6 +135,7 @@ class BimodalMap(Result):
         except (IndexError, TypeError):
             raise InputError("place", place, f"{len(self.shape)} indices of a map of shape {self.shape}") from None
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the map as a Dataset along ``axis_0``, ``axis_1`` and so on; errors have the prefix ``sigma_``."""
         from saltus.extras import xr

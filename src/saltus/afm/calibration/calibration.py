@@ -13,6 +13,7 @@ from saltus import checks
 from saltus.afm.calibration.spectra import PSD_UNITS
 from saltus.afm.calibration.thermal import oscillator
 from saltus.afm.probe.probe import Probe
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.result import Result, frozen
 
@@ -156,6 +157,7 @@ class Calibration(Result):
         k, f0, Q = ([one[name] for one in each] for name in ("k_N_m", "f0_kHz", "Q"))
         return Probe(k_N_m=k, f0_kHz=f0, Q=Q, R_nm=R_nm, check=check)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the spectrum along ``bin`` and the values along ``name``."""
         from saltus.extras import xr

@@ -12,6 +12,7 @@ import numpy as np
 from saltus.afm.models.parts import check_model
 from saltus.continuation import Locus
 from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.result import Result
 from saltus.system.plain import held_system
@@ -129,6 +130,7 @@ class Bistability(Result):
         values = (point.value("A0_nm") for locus in self.loci for point in turns_of(locus, "A0_nm", 1.0))
         return min(map(float, values), default=None)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return all loci as one Dataset: variables and dimensions of locus `i` have the prefix ``locus<i>_``."""
         datasets = [locus.to_xarray() for locus in self.loci]

@@ -20,6 +20,7 @@ from saltus.contents import Contents
 from saltus.continuation import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
 from saltus.continuation.results.crossings import comes_to, covered
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.result import Result
@@ -303,6 +304,7 @@ class Curve(Result):
             if not jump.window
         )
 
+    @described
     def path(self, direction: str) -> xr.Dataset:
         """Return the readings on the way that an experiment takes.
 
@@ -364,6 +366,7 @@ class Curve(Result):
                 found[name] += 360.0 * np.round((table[name][row] - found[name]) / 360.0)
         return found | {self.along: np.array([orbit.parameters[self.along]])}
 
+    @described
     def to_xarray(self, *, harmonics: Sequence[int] = ()) -> xr.Dataset:
         """Return the curve as a Dataset: readings and orbits along ``point``, sheet after sheet.
 

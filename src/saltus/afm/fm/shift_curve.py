@@ -13,6 +13,7 @@ from saltus import checks
 from saltus.afm.models.parts import check_model
 from saltus.afm.models.readings import READINGS, Reading
 from saltus.afm.probe.units import ENERGY_EV, suffix
+from saltus.described import described
 from saltus.result import Result, frozen
 from saltus.system.plain import held_system
 
@@ -107,6 +108,7 @@ class FrequencyShift(Result):
         """
         return self.columns[checks.chosen("reading", name, tuple(self.columns))]
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the readings as a Dataset along ``point``."""
         from saltus.extras import xr

@@ -14,6 +14,7 @@ from saltus.afm.laws.law import Law
 from saltus.afm.probe.units import NONE_INSISTS, checked
 from saltus.afm.reconstruction.inflection import Inflection
 from saltus.afm.reconstruction.law_fit import Averages, LawFit, fitted_law
+from saltus.described import described
 from saltus.result import Result, frozen
 
 if TYPE_CHECKING:
@@ -175,6 +176,7 @@ class ReconstructedForce(Result):
         data = Averages(self.k_N_m, *seen, self.errors_given)
         return fitted_law(data, law, vary, D_nm, radius)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the force along ``point`` and the data along ``datum``."""
         from saltus.extras import xr

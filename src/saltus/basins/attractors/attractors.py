@@ -14,6 +14,7 @@ import numpy as np
 from saltus import checks
 from saltus.basins.attractors.trap_files import check_traps, traps_as_variables, traps_from_variables
 from saltus.contents import Contents
+from saltus.described import described
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Traps
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
@@ -150,6 +151,7 @@ class Attractors(Result):
         }
         return replace(self, names=new, **changed)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset; each orbit's variables begin with ``orbit_``, its label and ``_``."""
         from saltus.extras import xr

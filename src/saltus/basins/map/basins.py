@@ -18,6 +18,7 @@ from saltus.basins.map.labelling import Labelling
 from saltus.basins.map.outcomes import Outcomes, attractors_bytes, named_labels, outcomes_from, points_of
 from saltus.basins.map.store import Store, Window
 from saltus.basins.map.wrong_labels import LabelError, compared, label_error_of
+from saltus.described import described
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED
 from saltus.errors import InputError
 from saltus.progress import ended
@@ -335,6 +336,7 @@ class Basins(Result):
             raise InputError("basins", "from an array", "computed by map_basins", "there is no system to follow")
         return Labelling.from_definition(self.inputs)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset: ``labels`` over the free coordinates, the attractors, all inputs.
 

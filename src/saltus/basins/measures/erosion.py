@@ -13,6 +13,7 @@ import numpy as np
 from saltus import checks
 from saltus.basins.map.grid import Grid
 from saltus.contents import Contents
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.result import Result, frozen
 from saltus.system import HybridSystem, Map
@@ -131,6 +132,7 @@ class ErosionProfile(Result):
                 )
         return "\n".join([*lines, f"  {self.stopped}"])
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset with the dimensions value, attractor and measure."""
         from saltus.extras import xr

@@ -17,6 +17,7 @@ from saltus.contents import Contents, as_json
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.curve_files import complex_table, ragged_rows, texts_array
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.result import frozen
 from saltus.system.plain import all_parameters, held_parameters
@@ -167,6 +168,7 @@ class AlgebraicCurve(SolutionCurve[Solved]):
     def _solution(self, index: int) -> Solved:
         """Return the solution of one point, its residual and its reasons computed anew."""
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the curve as a Dataset: points against ``point``, special points against ``special``."""
         from saltus.extras import xr

@@ -12,6 +12,7 @@ import numpy as np
 
 from saltus.continuation.results.orbit_curve import OrbitCurve
 from saltus.continuation.results.parameters import OneParameter
+from saltus.described import described
 from saltus.orbits import PeriodicOrbit, solve_orbit
 from saltus.orbits.pieces import in_pieces
 from saltus.orbits.signature import Signature
@@ -129,6 +130,7 @@ class Branch(OneParameter[PeriodicOrbit], OrbitCurve):
     def _fixed(self, index: int) -> Fixed | None:
         return None if self.fixed is None else replace(self.fixed, value=float(self.values[index]))
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the branch as a Dataset: points against ``point``, special points against ``special``."""
         dataset = super().to_xarray()

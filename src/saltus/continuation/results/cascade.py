@@ -16,6 +16,7 @@ from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
 from saltus.continuation.results.curve_files import special_points_of, special_variables
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.orbits.orbit import TOLERANCES
 from saltus.orbits.signature import signature_from
@@ -124,6 +125,7 @@ class Cascade(Doublings):
         """The system."""
         return self.start.orbit.system
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return all branches as one Dataset, and the first doubling.
 

@@ -16,6 +16,7 @@ from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.result import Result
 from saltus.scales import SPECIALS_AT_ONE_VALUE, SPECIALS_IN_ONE_STATE
@@ -191,6 +192,7 @@ class Diagram(Result):
             rows.append(row | {name: float(v) for name, v in zip(self.system.states, solution.x0, strict=True)})
         return pd.DataFrame(rows)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return all branches as one Dataset: variables and dimensions of branch `i` have the prefix ``branch<i>_``."""
         datasets = [branch.to_xarray() for branch in self.branches]

@@ -15,6 +15,7 @@ from saltus import checks
 from saltus.contents import Contents
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.result import Result, frozen
 from saltus.system import HybridSystem
@@ -94,6 +95,7 @@ class Family(Result):
         """Go through the members' branches, None where there is none."""
         return iter(self.branches)
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return all branches as one Dataset, with ragged dimensions.
 

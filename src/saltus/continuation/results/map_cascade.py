@@ -12,6 +12,7 @@ from saltus.contents import Contents
 from saltus.continuation.results.cascade import Doublings
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.maps.orbit import MapOrbit, itinerary_of
 from saltus.system.maps import Map
@@ -47,6 +48,7 @@ class MapCascade(Doublings):
         """The map."""
         return self.start.map_orbit.system
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return all branches and the first doubling as one Dataset.
 

@@ -18,6 +18,7 @@ from saltus.continuation.results.curve_files import (
 )
 from saltus.continuation.results.orbit_columns import OrbitColumns
 from saltus.continuation.results.special_points import SpecialPoints
+from saltus.described import described
 from saltus.errors import InputError
 from saltus.orbits.orbit import TOLERANCES
 from saltus.orbits.signature import signature_from
@@ -36,6 +37,7 @@ __all__ = ["OrbitCurve"]
 class OrbitCurve(OrbitColumns):
     """Orbits in order along a curve, their properties, and special points: the base of `Branch` and `Locus`."""
 
+    @described
     def to_xarray(self) -> xr.Dataset:
         """Return the curve as a Dataset: points against ``point``, special points against ``special``."""
         from saltus.extras import xr

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, overload
+from typing import TYPE_CHECKING, Any, Generic, Self, overload
 
 import numpy as np
 
@@ -14,18 +15,23 @@ from saltus.continuation.core.point_types import accumulates, meaning_of
 from saltus.continuation.problems.ends.connection import Homoclinic
 from saltus.continuation.results.point_normal_forms import Critical, NoNormalForm, normal_form_at
 from saltus.continuation.results.point_sensitivities import Place, moved
+from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
+from saltus.described import described
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.normal_forms import EquilibriumNormalForm
 from saltus.errors import InputError
 from saltus.maps import MapOrbit
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.normal_forms import NormalForm
+from saltus.result import Result, frozen
 from saltus.solution import Solution
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from numpy.typing import NDArray
+
+    from saltus.contents import Contents
 
 __all__ = ["Solved", "SpecialPoint", "SpecialPoints"]
 
@@ -38,9 +44,12 @@ else:
 
     Solved = TypeVar("Solved", bound=Solution)
 
+_SOLUTIONS: dict[str, Any] = {kind.__name__: kind for kind in (PeriodicOrbit, Equilibrium, MapOrbit)}
+_TEXTS, _NUMBERS = ("type", "label", "of", "locus", "kind"), ("test", "position", "arclength")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SpecialPoint(Generic[Solved]):
+class SpecialPoint(Result, Generic[Solved]):
     """A special point of a branch or of a locus, located.
 
     docs/theory/continuation.md, docs/theory/loci.md and docs/theory/equilibria.md derive the test functions.
@@ -123,6 +132,69 @@ class SpecialPoint(Generic[Solved]):
     kind: str = ""
     scale: NDArray[np.float64] | None = None
     homoclinic: Homoclinic | None = None
+
+    @described
+    def to_xarray(self) -> xr.Dataset:
+        """Return the point as a Dataset: variables of its solution begin with ``solution0_``.
+
+        Those of the equilibrium of a HOM, a SNIC or a BC begin with ``solution1_``. All else is in attributes, the
+        tangent and the sizes in variables.
+        """
+        held: list[Any] = [self.solution] if self.homoclinic is None else [self.solution, self.homoclinic.saddle]
+        datasets = [one.to_xarray() for one in held]
+        told = [
+            {"kind": type(one).__name__, "attributes": own_attributes(part)}
+            for one, part in zip(held, datasets, strict=True)
+        ]
+        dataset = side_by_side(datasets, "solution")
+        for name, values in (("tangent", self.tangent), ("scale", self.scale)):
+            if values is not None:
+                dataset[name] = (f"{name}_of", values)
+        dataset.attrs = {
+            "definition": datasets[0].attrs["definition"],
+            "solutions": json.dumps(told, default=float),
+            "varied": json.dumps(list(self.varied)),
+            "event": "" if self.homoclinic is None else self.homoclinic.event,
+            **{name: getattr(self, name) for name in _TEXTS},
+            **{name: float(getattr(self, name)) for name in _NUMBERS},
+        }
+        return dataset
+
+    @classmethod
+    def _read(cls, held: Contents) -> Self:
+        solutions = []
+        for i, told in enumerate(held.json("solutions", list)):
+            one = checks.instance(f"solution {i}", told, dict)
+            kind = _SOLUTIONS[checks.chosen(f"kind of solution {i}", one.get("kind"), _SOLUTIONS)]
+            solutions.append(kind.from_xarray(prefixed_part(held, "solution", i, one.get("attributes"))))
+        if len(solutions) not in (1, 2) or not all(isinstance(one, Equilibrium) for one in solutions[1:]):
+            raise InputError("attribute 'solutions'", len(solutions), "a solution, and an equilibrium of a homoclinic")
+        tangent, scale = (
+            frozen(held.array(name, (f"{name}_of",))) if name in held.dataset else None for name in ("tangent", "scale")
+        )
+        given: dict[str, Any] = {name: held.text(name) for name in _TEXTS}
+        given |= {name: held.number(name, finite=False) for name in _NUMBERS}
+        saddle = Homoclinic(solutions[1], held.text("event")) if solutions[1:] else None
+        varied = tuple(held.texts("varied"))
+        return cls(solution=solutions[0], varied=varied, tangent=tangent, scale=scale, homoclinic=saddle, **given)
+
+    def plot(self, *args: Any, **options: Any) -> Any:
+        """Draw the solution; see `Result.plot`."""
+        return self.solution.plot(*args, **options)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), tuple(getattr(self, field.name) for field in fields(self))
+
+    def _key(self) -> tuple[Any, ...]:
+        return self.type, self.label, self.position, self.arclength, self.varied
+
+    def __eq__(self, other: object) -> bool:
+        if self is other or not isinstance(other, SpecialPoint):
+            return self is other
+        return self._key() == other._key() and super().__eq__(other)
+
+    def __hash__(self) -> int:  # type: ignore[override]  # a point has a label
+        return hash(self._key())
 
     if not TYPE_CHECKING:
 
