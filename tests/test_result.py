@@ -13,6 +13,8 @@ import xarray as xr
 import saltus
 from discrete import HENON, LOGISTIC
 from saltus import InputError, iterate, load
+from saltus.files import write_sealed
+from saltus.result import netcdf, tagged
 from saltus.results import Iterates, PeriodicOrbit
 
 
@@ -47,6 +49,17 @@ def test_a_dataset_gives_the_result_back(found):
 def test_a_file_says_which_version_wrote_it_and_what_it_holds(found, tmp_path):
     with xr.open_dataset(found.save(tmp_path / "a.nc"), engine="h5netcdf") as dataset:
         assert (dataset.attrs["saltus_version"], dataset.attrs["saltus_result"]) == (saltus.__version__, "Iterates")
+
+
+@pytest.mark.parametrize("version", ["99.0.0", "0.2.1", "1.0"])
+def test_a_file_of_a_newer_version_says_so(found, tmp_path, version):
+    dataset = tagged(found).assign_attrs(saltus_version=version)
+    write_sealed(tmp_path / "a.nc", netcdf({"": dataset}))
+    with pytest.warns(RuntimeWarning, match=f"the newer version saltus {version} wrote it, this is"):
+        assert saltus.load(tmp_path / "a.nc") == found
+    write_sealed(tmp_path / "b.nc", netcdf({"": dataset.drop_vars("x")}))
+    with pytest.raises(InputError, match=f"the newer version saltus {version} wrote it"):
+        saltus.load(tmp_path / "b.nc")
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.PNG"])

@@ -24,9 +24,12 @@ class _Words(NamedTuple):
     description: str
 
 
-# Units: these stand for the system's own, all else is written as it is.
-_TIME, _RATE = "<time>", "<rate>"
-_STATE, _PARAMETER, _QUANTITY = "unit of each state", "unit of each parameter", "unit of each quantity"
+# Units: the first two stand for the system's own, all else is written as it is.
+_TIME = "<time>"
+_RATE = "<rate>"
+_STATE = "unit of each state"
+_PARAMETER = "unit of each parameter"
+_QUANTITY = "unit of each quantity"
 _OF_DATUM = "unit of the channel"
 
 # Variables of curves, orbits and equilibria: name, name in words, unit, sentence.

@@ -25,7 +25,7 @@ from saltus.contents import Contents
 from saltus.errors import InputError, SaltusError
 from saltus.extras import check_installed
 from saltus.files import checked_seal, is_sealed, write_sealed
-from saltus.version import __version__
+from saltus.version import __version__, tell_newer, written_by
 from saltus.work import interrupt_waits
 
 if TYPE_CHECKING:
@@ -406,10 +406,12 @@ def result_in(dataset: xr.Dataset, path: Path) -> Any:
     kind, writer = dataset.attrs.pop("saltus_result", None), dataset.attrs.pop("saltus_version", None)
     home = _home(kind, path, writer)
     try:
-        return home.from_xarray(dataset)
+        found = home.from_xarray(dataset)
     except InputError as error:
-        hint = "; ".join([str(error), *_written_by(writer)])
+        hint = "; ".join([str(error), *written_by(writer)])
         raise InputError("path", str(path), f"the whole file of a {kind}", hint) from error
+    tell_newer(writer, path)
+    return found
 
 
 def _opened(path: Path) -> Result:
@@ -424,7 +426,8 @@ def _opened(path: Path) -> Result:
         opened: Result = _home(kind, path, writer).open(path)
     except InputError as error:
         name, value, allowed, hint = error.args
-        raise InputError(name, value, allowed, "; ".join([*filter(None, [hint]), *_written_by(writer)])) from error
+        raise InputError(name, value, allowed, "; ".join([*filter(None, [hint]), *written_by(writer)])) from error
+    tell_newer(writer, path)
     return opened
 
 
@@ -432,12 +435,5 @@ def _home(kind: Any, path: Path, writer: Any) -> Any:
     """Return the class of a kind of result; no module is imported whose name a file could choose."""
     if not isinstance(kind, str) or (kind not in _HOMES and kind not in _KNOWN):
         hints = [f"import the module that has the class {kind[:_TOLD]}"] if isinstance(kind, str) else []
-        raise InputError("path", str(path), "a file written by saltus", "; ".join([*hints, *_written_by(writer)]))
+        raise InputError("path", str(path), "a file written by saltus", "; ".join([*hints, *written_by(writer)]))
     return getattr(importlib.import_module(_HOMES[kind]), kind) if kind in _HOMES else _KNOWN[kind]
-
-
-def _written_by(writer: Any) -> list[str]:
-    """Return what to say of a file that another version wrote; nothing of one that this version wrote."""
-    if not isinstance(writer, str) or writer == __version__:
-        return []
-    return [f"saltus {writer[:_TOLD]} wrote it, this is {__version__}: load it with that version"]

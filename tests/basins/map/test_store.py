@@ -17,10 +17,10 @@ import zarr
 from zarr.storage import LocalStore
 
 import saltus
+from explained import unexplained
 from grouped import Grouped
 from saltus import InputError
 from saltus.basins import AttractorOptions, Basins, map_basins
-from saltus.basins.map.labelling import ACCURACY
 from saltus.basins.map.store import Store
 from saltus.ensemble.traps import NOT_DONE
 from saltus.options import BasinOptions
@@ -61,26 +61,42 @@ def test_the_draft_that_a_killed_process_left_is_no_part_of_the_store(stored, ba
 
 
 def test_any_reader_of_zarr_finds_labels_over_their_coordinates(stored, basins):
-    dataset = xr.open_zarr(stored.path, chunks=None, consolidated=False)
+    dataset = xr.open_zarr(stored.path, chunks=None)
     assert np.array_equal(dataset["x"], basins.grid.axes[0])
     found = dataset["labels"].sel(x=0.3, v=-1.1, method="nearest")
     assert int(found) == basins.section(x=0.3).labels[basins.grid.nearest({"v": -1.1})["v"]]
     assert dataset["labels"].attrs["flag_meanings"].split()[1] == "left"
 
 
-def test_a_store_and_the_docstring_tell_how_many_labels_were_wrong(stored):
-    accuracy = zarr.open_group(stored.path, mode="r").attrs["accuracy"]
-    assert accuracy == dict(ACCURACY)
-    said = " ".join((map_basins.__doc__ or "").split())
-    for wrong in ACCURACY["wrong"].values():
-        assert f"{100.0 * wrong:g} per cent" in said
-    assert f"of {ACCURACY['cells']:,} random cells".replace(",", " ") in said
-    assert ACCURACY["source"] in said
-    error = zarr.open_group(stored.path, mode="r").attrs["label_error"]
+def test_a_store_tells_the_accuracy_of_its_own_labels(stored):
+    attributes = zarr.open_group(stored.path, mode="r").attrs
+    error = attributes["label_error"]
     assert error == {
         "wrong": 0, "cells": 500, "bound": pytest.approx(3.0 / 500, rel=0.01), "tolerance": 1e-12,
         "wrong_by_events": 0, "cells_by_events": 50,
     }  # fmt: skip
+    regions = stored.attractors.measured_error
+    assert attributes["accuracy"] == {"tolerance": 3e-9, "trapping_regions": regions, "label_error": error}
+
+
+def test_a_store_before_its_check_and_one_of_an_array_claim_no_accuracy(well, both, small_units, tmp_path):
+    begun = map_basins(well, {}, BOX, both, path=tmp_path / "begun.zarr", progress=Interrupt(2))
+    assert zarr.open_group(begun.path, mode="r").attrs["accuracy"]["label_error"] is None
+    array = Basins.from_array([0, 1], {"x": np.arange(2.0)}, {"a": 0, "b": 1})
+    assert "accuracy" not in zarr.open_group(array.save(tmp_path / "array.zarr"), mode="r").attrs
+
+
+def test_the_attractors_are_arrays_that_other_tools_read(stored, both):
+    dataset = xr.open_zarr(stored.path, chunks=None)
+    assert dataset["attractor_point"].attrs["states"].split() == ["x", "v"]
+    for name, label in both.labels.items():
+        if name in both.points:
+            rows = dataset["attractor_point"].values[dataset["attractor_label"].values == label]
+            assert np.array_equal(rows, both.points[name])
+    held = stored.to_xarray()
+    for name in ("attractor_point", "attractor_label"):
+        assert held[name].equals(dataset[name])
+    assert unexplained(held) == []
 
 
 def test_basins_know_the_error_that_was_measured_of_their_store(stored, basins, well, both, small_units, tmp_path):
@@ -160,7 +176,7 @@ def test_large_stores_have_chunks_within_the_unit_of_one_writer(both, tmp_path):
     from saltus.basins.map.store import Store
 
     grid = Grid(("x", "v"), {"x": (0, 1, 4000), "v": (0, 1, 4000)})
-    Store.create(tmp_path / "large.zarr", grid, attributes_of({}, grid, both), b"")
+    Store.create(tmp_path / "large.zarr", grid, attributes_of({}, grid, both), b"", {})
     array = zarr.open_group(tmp_path / "large.zarr", mode="r")["labels"]
     assert (array.chunks, array.shards, array.fill_value) == ((250, 250), (500, 1000), NOT_DONE)
     assert units_in(tmp_path / "large.zarr") == []

@@ -11,10 +11,10 @@ import numpy as np
 
 from saltus.basins.attractors.attractors import Attractors
 from saltus.basins.map.grid import Grid
-from saltus.basins.map.labelling import ACCURACY, Labelling
-from saltus.basins.map.outcomes import attractors_bytes, outcomes_from, summary
+from saltus.basins.map.labelling import Labelling
+from saltus.basins.map.outcomes import attractors_bytes, attractors_table, outcomes_from, summary
 from saltus.basins.map.store import flags
-from saltus.basins.map.wrong_labels import label_error_of
+from saltus.basins.map.wrong_labels import LabelError, label_error_of
 from saltus.contents import Contents
 from saltus.ensemble.traps import NOT_DONE
 from saltus.errors import InputError
@@ -23,7 +23,7 @@ from saltus.version import __version__
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["attributes_of", "check_belong", "dataset_of", "parts_of"]
+__all__ = ["accuracy_of", "attributes_of", "check_belong", "dataset_of", "parts_of"]
 
 
 def dataset_of(basins: Any) -> xr.Dataset:
@@ -37,7 +37,11 @@ def dataset_of(basins: Any) -> xr.Dataset:
     coords |= {name: value for name, value in basins.grid.fixed.items() if name not in coords}
     held = np.frombuffer(attractors_bytes(basins.attractors), np.uint8)
     dataset = xr.Dataset(
-        {"labels": (basins.grid.names, _lazy(basins), attributes), "attractors": ("byte", held)},
+        {
+            "labels": (basins.grid.names, _lazy(basins), attributes),
+            "attractors": ("byte", held),
+            **attractors_table(basins.attractors, basins.grid.states),
+        },
         coords=coords,
         attrs={
             "grid": json.dumps(basins.grid.definition()),
@@ -99,8 +103,26 @@ def attributes_of(inputs: Mapping[str, Any], grid: Grid, attractors: Any) -> dic
         "inputs": dict(inputs),
         "grid": grid.definition(),
         "attractors": summary(attractors),
-        **({"accuracy": dict(ACCURACY)} if inputs else {}),
+        **accuracy_of(inputs, attractors.measured_error),
     }
+
+
+def accuracy_of(inputs: Mapping[str, Any], measured: float | None, error: LabelError | None = None) -> dict[str, Any]:
+    """Return the entry ``accuracy`` of a store: what is known of the errors of its own labels.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Inputs of the labels; empty for an array from another source.
+    measured : float or None
+        Bound on the share of a trapping region that belongs to another basin.
+    error : LabelError, optional
+        What `Basins.label_error` said of cells followed again.
+    """
+    if not inputs:
+        return {}
+    found = None if error is None else error.as_data()
+    return {"accuracy": {"tolerance": inputs["tolerance"], "trapping_regions": measured, "label_error": found}}
 
 
 def check_belong(grid: Grid, outcomes: Any, inputs: Any) -> None:

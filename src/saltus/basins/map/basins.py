@@ -12,10 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.basins.map.basin_files import attributes_of, check_belong, dataset_of, parts_of
+from saltus.basins.map.basin_files import accuracy_of, attributes_of, check_belong, dataset_of, parts_of
 from saltus.basins.map.grid import Grid, tiles
 from saltus.basins.map.labelling import Labelling
-from saltus.basins.map.outcomes import Outcomes, attractors_bytes, named_labels, outcomes_from, points_of
+from saltus.basins.map.outcomes import (
+    Outcomes,
+    attractors_bytes,
+    attractors_table,
+    named_labels,
+    outcomes_from,
+    points_of,
+)  # fmt: skip
 from saltus.basins.map.store import Store, Window
 from saltus.basins.map.wrong_labels import LabelError, compared, label_error_of
 from saltus.described import described
@@ -372,7 +379,8 @@ class Basins(Result):
         if path.exists():
             raise InputError("path", str(path), "a new folder", "a store is never written over")
         attributes = attributes_of(self.inputs, self.grid, self.attractors)
-        store = Store.create(path, self.grid, attributes, attractors_bytes(self.attractors))
+        tables = attractors_table(self.attractors, self.grid.states)
+        store = Store.create(path, self.grid, attributes, attractors_bytes(self.attractors), tables)
         for cells in self.grid.units():
             store.write(cells, np.asarray(self.labels[cells]))
         if self.stopped != ended(store.done(), self.grid.size, "cells"):
@@ -380,7 +388,8 @@ class Basins(Result):
         if self.undecided:
             store.note(undecided=self.undecided)
         if self.noted_error:
-            store.note(label_error=self.noted_error.as_data())
+            accuracy = accuracy_of(self.inputs, self.attractors.measured_error, self.noted_error)
+            store.note(label_error=self.noted_error.as_data(), **accuracy)
         return path
 
     def __reduce__(self) -> tuple[Any, ...]:

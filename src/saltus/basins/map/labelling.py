@@ -34,21 +34,9 @@ if TYPE_CHECKING:
 
     _Labelled: TypeAlias = tuple[tuple[slice, ...], NDArray[np.uint8], int]
 
-__all__ = ["ACCURACY", "TOLERANCE", "Labelling", "checked_engine", "units_of"]
+__all__ = ["TOLERANCE", "Labelling", "checked_engine", "units_of"]
 
 TOLERANCE = 3e-9  # default tolerance of a step in the first period, in the unit nearest to a state's size
-
-# Measured error of the whole method: share of wrong labels among random cells of three grids.
-ACCURACY: Mapping[str, Any] = MappingProxyType(
-    {
-        "wrong": {"Fig. 9's plane": 0.0, "the worst of Fig. 10's planes": 1.5e-4, "[-5, 5]^4": 2e-4},
-        "cells": 20_000,
-        "system": "tapping mode with two modes, Omega = 1.15, D_att = 0.025, D_rep = 4",
-        "tolerance": TOLERANCE,
-        "against": "the event-driven flow at tolerance 1e-11, followed until it is within 1e-6 of an attractor",
-        "source": "benchmarks/basin_accuracy.py",
-    }
-)
 
 _STRIDE = 4  # cells between neighbours of a preview's first lattice, along each coordinate
 

@@ -28,12 +28,12 @@ import numpy as np
 from saltus import checks
 from saltus.basins.attractors.finding import find_attractors
 from saltus.basins.attractors.found import AttractorOptions, renamed
-from saltus.basins.map.basin_files import attributes_of
+from saltus.basins.map.basin_files import accuracy_of, attributes_of
 from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid, Plane
 from saltus.basins.map.labelling import Labelling, checked_engine, units_of
 from saltus.basins.map.options import BasinOptions
-from saltus.basins.map.outcomes import attractors_bytes, outcomes_from
+from saltus.basins.map.outcomes import attractors_bytes, attractors_table, outcomes_from
 from saltus.basins.map.patience import Patience, patience_for
 from saltus.basins.map.store import Store, check_same
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Traps
@@ -124,7 +124,7 @@ def map_basins(
     ``label_error``, from at least 500 cells, and from some cells followed by the event-driven flow.
 
     Besides, at most a share `Attractors.measured_error` of any one trapping region belongs to another basin, by the
-    samples that made the region. A store's metadata has the numbers as ``accuracy`` and ``attractors``.
+    samples that made the region. A store's ``accuracy`` has the tolerance, this share, and the label error.
     ``attractors.notes`` has each region's construction, and its proof or number of samples.
 
     Whatever ends a run, a store stays readable: a unit is written aside and then renamed. A unit that was cut off is
@@ -165,7 +165,8 @@ def map_basins(
         else:
             _check_attractors(labelling, found)
             if place is not None:
-                kept = Store.create(place, cells, attributes_of(inputs, cells, found), attractors_bytes(found))
+                told, tables = attributes_of(inputs, cells, found), attractors_table(found, cells.states)
+                kept = Store.create(place, cells, told, attractors_bytes(found), tables)
         run = _Run(cells, kept, labelling, report)
         if chosen.engine == "dask":
             basins = run.through(labelled_by(cluster, cells, inputs, place, run.units), found, inputs)
@@ -228,7 +229,8 @@ class _Run:
         """Follow some cells of a complete store again, once, and note how many labels were wrong."""
         if "label_error" not in store.attributes:
             error = Basins.of_store(store, attractors).label_error(self._some(_FEWEST), by_events=_BY_EVENTS)
-            store.note(label_error=error.as_data())
+            accuracy = accuracy_of(store.attributes["inputs"], attractors.measured_error, error)
+            store.note(label_error=error.as_data(), **accuracy)
 
     def checked(self, basins: Basins) -> Basins:
         """Return basins in memory with the share of wrong labels among some cells; an interrupt leaves it out."""

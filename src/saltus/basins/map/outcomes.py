@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from saltus import checks
 from saltus.basins.attractors.attractors import Attractors
 from saltus.basins.map.grid import Grid
+from saltus.basins.map.store import flags
 from saltus.contents import checked_texts
 from saltus.ensemble.traps import DIVERGED, NOT_DONE, UNDECIDED
 from saltus.errors import InputError
@@ -21,7 +22,7 @@ from saltus.result import dataset_in, frozen, netcdf
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Outcomes", "attractors_bytes", "named_labels", "outcomes_from", "points_of", "summary"]
+__all__ = ["Outcomes", "attractors_bytes", "attractors_table", "named_labels", "outcomes_from", "points_of", "summary"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,24 @@ def attractors_bytes(attractors: Any) -> bytes:
     if not isinstance(attractors, Attractors):
         return b""
     return sealed(netcdf({"": attractors.to_xarray()}))
+
+
+def attractors_table(attractors: Any, states: Sequence[str]) -> dict[str, tuple[Any, NDArray[Any], dict[str, Any]]]:
+    """Return points of the attractors and their labels as arrays that other tools read: dimensions, values, attributes.
+
+    `outcomes_from` does not read them.
+    """
+    points = [np.empty((0, len(states))), *attractors.points.values()]
+    rows = [np.full(len(held), attractors.labels[name], np.uint8) for name, held in attractors.points.items()]
+    labels = np.concatenate([np.empty(0, np.uint8), *rows])
+    return {
+        "attractor_point": (
+            ("attractor_index", "attractor_state"),
+            np.concatenate(points),
+            {"long_name": "points of the attractors", "states": " ".join(states)},
+        ),
+        "attractor_label": ("attractor_index", labels, flags(attractors.labels)),
+    }
 
 
 def outcomes_from(held: bytes, said: Mapping[str, Any]) -> Any:

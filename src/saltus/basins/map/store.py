@@ -7,6 +7,7 @@ import math
 import reprlib
 import shutil
 import tempfile
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -58,8 +59,30 @@ class Store:
         self._unit: tuple[int, ...] = self._array.shards or self._array.chunks
 
     @classmethod
-    def create(cls, path: Path, grid: Grid, attributes: Mapping[str, Any], attractors: bytes) -> Store:
+    def create(
+        cls,
+        path: Path,
+        grid: Grid,
+        attributes: Mapping[str, Any],
+        attractors: bytes,
+        tables: Mapping[str, tuple[Any, NDArray[Any], dict[str, Any]]],
+    ) -> Store:
         """Create a store without labels; it is written aside, then renamed, so that it is whole or absent.
+
+        The metadata of all arrays stand in that of the group as well, so that other tools read one file.
+
+        Parameters
+        ----------
+        path : Path
+            The folder.
+        grid : Grid
+            Grid of the cells.
+        attributes : mapping
+            All metadata.
+        attractors : bytes
+            Content of the attractors' file.
+        tables : mapping of str to (dimensions, ndarray, attributes)
+            Arrays for other tools, which `saltus` does not read.
 
         Raises
         ------
@@ -89,6 +112,12 @@ class Store:
                     _ATTRACTORS, data=held, chunks=(max(held.size, 1),), dimension_names=("byte",),
                     compressors=ZstdCodec(level=3, checksum=True),
                 )  # fmt: skip
+                for name, (dims, values, told) in tables.items():
+                    names = (dims,) if isinstance(dims, str) else dims
+                    group.create_array(name, data=values, dimension_names=names, attributes=told)
+                with warnings.catch_warnings():
+                    warnings.filterwarnings("ignore", "Consolidated metadata")
+                    zarr.consolidate_metadata(aside, zarr_format=3)
                 for part in [*aside.rglob("*"), aside]:
                     flush(part)
                 aside.rename(path)

@@ -45,7 +45,8 @@ else:
     Solved = TypeVar("Solved", bound=Solution)
 
 _SOLUTIONS: dict[str, Any] = {kind.__name__: kind for kind in (PeriodicOrbit, Equilibrium, MapOrbit)}
-_TEXTS, _NUMBERS = ("type", "label", "of", "locus", "kind"), ("test", "position", "arclength")
+_TEXTS = ("type", "label", "of", "locus", "kind")
+_NUMBERS = ("test", "position", "arclength")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -179,7 +180,23 @@ class SpecialPoint(Result, Generic[Solved]):
         return cls(solution=solutions[0], varied=varied, tangent=tangent, scale=scale, homoclinic=saddle, **given)
 
     def plot(self, *args: Any, **options: Any) -> Any:
-        """Draw the solution; see `Result.plot`."""
+        """Draw the solution.
+
+        Parameters
+        ----------
+        *args, **options
+            As the picture of an orbit, an equilibrium or an orbit of a map takes them.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            What was drawn on.
+
+        Raises
+        ------
+        InputError
+            An option that this kind of solution does not know.
+        """
         return self.solution.plot(*args, **options)
 
     def __reduce__(self) -> tuple[Any, ...]:
