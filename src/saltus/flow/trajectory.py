@@ -340,8 +340,7 @@ class Trajectory(Result):
         """Return everything as a Dataset with dimensions event, step, coefficient and state."""
         from saltus.extras import xr
 
-        modes = self.system.mode_names
-        log = self.events
+        modes, log = self.system.mode_names, self.events
         variables: dict[str, Any] = {
             "x_end": ("state", np.array(self.x_end)),
             "event_time": ("event", np.array(log["time"])),
@@ -370,8 +369,7 @@ class Trajectory(Result):
             "t_end": self.t_end,
             "mode_end": self.mode_end,
             "stopped": self.stopped,
-            "rtol": self.tolerance[0],
-            "atol": self.tolerance[1],
+            **dict(zip(("rtol", "atol"), self.tolerance, strict=True)),
             "implicit_steps": self.implicit_steps,
         }
         return xr.Dataset(variables, coords={"state": list(self.system.all_states)}, attrs=attrs)
