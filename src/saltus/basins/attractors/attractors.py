@@ -158,8 +158,10 @@ class Attractors(Result):
 
         label = np.repeat(np.arange(len(self.names)), [len(self.points[name]) for name in self.names])
         points = np.concatenate([np.empty((0, len(self.system.states))), *(self.points[name] for name in self.names)])
+        meanings = " ".join(name.replace(" ", "_") for name in self.names)
+        flags = {"flag_values": list(range(len(self.names))), "flag_meanings": meanings}
         dataset = xr.Dataset(
-            {"point": (("index", "state"), points), "label": ("index", label)},
+            {"point": (("index", "state"), points), "label": ("index", label, flags)},
             coords={"state": list(self.system.states)},
         )
         for name, (dims, values) in traps_as_variables(self.traps).items():
