@@ -15,6 +15,10 @@ STEPS_TOGETHER = 10.0
 # Error of a flow's sensitivities, which vary faster, over that of its states: meshes are made for that ratio.
 SENSITIVITIES = 10.0
 
+# Error of a step of sensitivities, in relative tolerances of the flow, up to which a mesh is kept: five of their own
+# tolerance, which is a hundred of the states'.
+SENSITIVITIES_KEPT = 500.0
+
 # Error of a step, in tolerances, from which on a mesh tells nothing of where Newton's method is to go: it passes over
 # what the state's own error does not show, as a small state that grows by many orders.
 UNFIT = 1e4

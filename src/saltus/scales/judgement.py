@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.scales.doubles import EPS, ILL_CONDITIONED
-from saltus.scales.flows import FINEST, STEPS_TOGETHER
+from saltus.scales.flows import FINEST, SENSITIVITIES_KEPT, STEPS_TOGETHER
 from saltus.scales.quantities import WRITTEN
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ __all__ = [
     "same",
     "split",
     "value_error",
+    "varied",
     "zero",
 ]
 
@@ -126,6 +127,11 @@ def split(tolerance: float) -> float:
 def followed(tolerance: float) -> float:
     """Return the error that a flow of that tolerance leaves, over the states' sizes and for each unit of growth."""
     return STEPS_TOGETHER * max(tolerance, FINEST)
+
+
+def varied(tolerance: float) -> float:
+    """Return the same of a flow's sensitivities on a mesh that was kept from the orbit before, over their sizes."""
+    return STEPS_TOGETHER * SENSITIVITIES_KEPT * max(tolerance, FINEST)
 
 
 def value_error(tolerance: float) -> float:

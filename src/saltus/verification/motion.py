@@ -20,6 +20,7 @@ __all__ = [
     "Piece",
     "UnfollowedError",
     "contacts",
+    "event_map",
     "extremes",
     "follow",
     "projection",
@@ -35,6 +36,7 @@ _MOST_STIFF = 400_000  # evaluations of the field by these, at most: some 20 s
 _FINE = 1e-4  # error of an extreme's place, over the distance of samples
 _EARLY = 200  # times of a segment, evenly on a logarithmic scale, at which a hop behind its start is looked for
 _OCTAVES = 40  # of the segment's duration, halved so often, is the first of them
+_CANDIDATES = 8  # extremes of nearly one height that are looked at
 _SAMPLES = 400  # states of a segment at which events and extremes are looked for
 
 
@@ -188,6 +190,12 @@ def projection(rate: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDAr
     return np.eye(rate.size) - np.outer(rate, gradient) / float(gradient @ rate)
 
 
+def event_map(reference: Reference, mode: int, transition: int, end: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative of what lies behind an event, at the instant of its reset, by the state before it."""
+    landing = projection(reference.field(mode, end), reference.event_slope(transition, end))
+    return np.asarray(reference.reset_slope(transition, end) @ landing)
+
+
 def contacts(
     reference: Reference, piece: Piece, transition: int, sizes: NDArray[np.float64], late: float = 0.0
 ) -> list[tuple[float, float, float]]:
@@ -260,13 +268,15 @@ def extremes(reference: Reference, piece: Piece) -> tuple[NDArray[np.float64], N
     values = reference.quantities(piece.mode, piece.states)
     lows, highs = values.min(axis=1), values.max(axis=1)
     for row, series in enumerate(values):
-        for find, sign, kept in ((np.argmin, 1.0, lows), (np.argmax, -1.0, highs)):
-            i, last = int(find(series)), series.size - 1
+        for sign, kept in ((1.0, lows), (-1.0, highs)):
+            last = series.size - 1
 
             def height(t: float, row: int = row, sign: float = sign) -> float:
                 return sign * float(reference.quantities(piece.mode, piece.between(t))[row])
 
-            for a, b in {(max(i - 1, 0), min(i + 1, last)), (0, 1), (last - 1, last)}:  # it may lie at a closed end
+            places = _perhaps_least(sign * series)
+            # it may lie at a closed end
+            for a, b in {*((max(i - 1, 0), min(i + 1, last)) for i in places), (0, 1), (last - 1, last)}:
                 ends = sorted((float(piece.times[a]), float(piece.times[b])))
                 if ends[0] == ends[1]:
                     continue
@@ -274,6 +284,20 @@ def extremes(reference: Reference, piece: Piece) -> tuple[NDArray[np.float64], N
                 found = minimize_scalar(height, bounds=ends, method="bounded", options=near)
                 kept[row] = sign * min(float(found.fun), sign * kept[row])
     return lows, highs
+
+
+def _perhaps_least(series: NDArray[np.float64]) -> list[int]:
+    """Return the samples beside which the least value may lie: no higher than what bends between samples may hide."""
+    padded = np.concatenate([[np.inf], series, [np.inf]])
+    with np.errstate(invalid="ignore"):
+        minima = np.flatnonzero((series <= padded[:-2]) & (series <= padded[2:]))
+    bent = np.nan_to_num(np.abs(np.diff(series, 2, prepend=series[0], append=series[-1])), nan=0.0)
+    own = np.array([bent[max(i - 1, 0) : i + 2].max() for i in minima.tolist()])
+    if not minima.size:
+        return [int(np.argmin(series))]
+    reach = series[minima] - own
+    nearest = np.argsort(reach, kind="stable")[:_CANDIDATES]
+    return minima[nearest[reach[nearest] <= series.min()]].tolist()
 
 
 def _extreme(times: NDArray[np.float64], h: NDArray[np.float64], rates: NDArray[np.float64], i: int) -> float:

@@ -24,14 +24,18 @@ from saltus.scales import (
     VERIFIED_SURFACE,
     VERIFIED_TIME,
     VERIFIED_TOUCH,
+    Verdict,
     followed,
 )
 from saltus.system.angles import TURN
+from saltus.verification.growth import own_errors
+from saltus.verification.instants import without_length
 from saltus.verification.motion import (
     Calls,
     Piece,
     UnfollowedError,
     contacts,
+    event_map,
     extremes,
     follow,
     projection,
@@ -46,7 +50,7 @@ from saltus.verification.spectra import (
     multiplier_condition,
     spectrum,
 )
-from saltus.verification.table import Row, compared, equal, unchecked
+from saltus.verification.table import DIFFERS, Row, compared, equal, unchecked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -171,11 +175,9 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
         if kind in (EVENT_END, MEAN_END):
             gradient = reference.event_slope(transition, end)
             rate = reference.field(mode, end)
-            landing = projection(rate, gradient)
             met = abs(float(gradient @ rate)) * orbit.period
             slowest = max(slowest, float(np.abs(gradient) @ sizes) / met if met > 0.0 else math.inf)
-            after = reference.reset_slope(transition, end)
-            own[-1] = after @ landing @ own[-1]
+            own[-1] = event_map(reference, mode, transition, end) @ own[-1]
             end = reference.reset(transition, end)
         gaps.append(_gap(orbit, i, end))
         growth.append(max(1.0, growth_on_the_way(own, sizes)))  # the last step leaves its error as it is
@@ -259,14 +261,25 @@ def _multipliers(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
         return [unchecked("multipliers", complex(said[0]), _SPEEDLESS)]
     if not np.all(np.isfinite(found.multipliers)):
         return [unchecked("multipliers", complex(said[0]), "beyond the floats, or too near each other")]
+    rows = _multiplier_rows(orbit, said, found, found.uncertain)
+    if any(row.verdict == DIFFERS for row in rows) and np.all(np.isfinite(said)):
+        problem, u = orbit.problem(), np.array(orbit.unknowns)
+        own = own_errors(problem, u, orbit.multipliers)[: said.size]
+        rows = _multiplier_rows(orbit, said, found, found.uncertain + own.max())
+    return rows
+
+
+def _multiplier_rows(
+    orbit: PeriodicOrbit, said: NDArray[np.complex128], found: FollowedOrbit, uncertain: NDArray[np.float64]
+) -> list[Row]:
+    """Return the checks of multipliers and of stability, by the errors of what was found."""
     rows = [
         compared(f"multiplier {i + 1}", complex(one), complex(other), allowed)
-        for i, (one, other, allowed) in enumerate(matched(said, found.multipliers, found.uncertain))
+        for i, (one, other, allowed) in enumerate(matched(said, found.multipliers, uncertain))
     ]
     if not np.all(np.isfinite(said)):
         rows.append(equal("multipliers", "infinite or unknown", "finite"))
-    sure = np.abs(np.abs(found.multipliers) - 1.0) > found.uncertain
-    if np.all(sure):
+    if np.all(np.abs(np.abs(found.multipliers) - 1.0) > uncertain):
         rows.append(equal("stable", orbit.stable, bool(np.all(np.abs(found.multipliers) < 1.0))))
     return rows
 
@@ -299,9 +312,15 @@ def _at_end(found: FollowedOrbit, piece: Piece, period: float) -> NDArray[np.flo
 def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> tuple[list[str], list[str]]:
     """Return why the followed orbit is no motion of the system, and what its error leaves open."""
     doubts: list[str] = []
+    reasons: list[str] = []
     reference, form = found.reference, orbit.form
-    reasons = [f"duration {i}" for i, duration in enumerate(orbit.durations) if not duration > 0.0]
     for i, piece in enumerate(found.pieces):
+        if not orbit.durations[i] > 0.0:
+            told = without_length(found, form, i, float(orbit.durations[i]))
+            if told is Verdict.NO:
+                reasons.append(f"duration {i}")
+            elif not told:
+                doubts.append(f"segment {i} lasts no longer than its error, and the order of its events matters")
         late = found.late(i) * orbit.period
         if not np.all(reference.domain(piece.mode, piece.states[:, 1:-1])):
             reasons.append(f"domain in segment {i}")

@@ -33,6 +33,8 @@ from saltus.scales import (
     VERIFIED_EXTREME,
     followed,
 )
+from saltus.verification.growth import own_errors
+from saltus.verification.spectra import paired
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
     from saltus.orbits.problem import OrbitProblem
     from saltus.orbits.signature import Survey
 
-__all__ = ["Claim", "claims", "orbit_claims", "paired"]
+__all__ = ["Claim", "claims", "orbit_claims"]
 
 
 class Claim(NamedTuple):
@@ -145,7 +147,11 @@ def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[st
     yield Claim.of("admissible", said["admissible"], survey.faults == 0, math.inf if touches else 0.0)
     values = or_unknown(problem, u, survey.rates[:, 0], multipliers(problem, u, J))
     off = _multiplier_errors(problem, u, J, values, period, survey)
-    yield _values("multipliers", said["multipliers"], values, off)
+    claim = _values("multipliers", said["multipliers"], values, off)
+    if claim.said.shape == values.shape and np.any(np.abs(claim.said - claim.found) > claim.error):
+        off = off + own_errors(problem, u, values)
+        claim = _values("multipliers", said["multipliers"], values, off)
+    yield claim
     if "stable" in said:
         inner, edge = nontrivial(values, autonomous=phase is None), off[: values.size - (phase is None)]
         neutral = bool(said.get("family", False))
@@ -234,14 +240,6 @@ def _value_errors(A: NDArray[np.float64], values: NDArray[np.complex128]) -> NDA
     condition = 1.0 / np.maximum(np.abs(np.sum(left.conj() * right, axis=0)), EPS)
     errors = np.minimum(condition * rounding, math.sqrt(rounding)) * norm
     return np.asarray(errors[paired(values, own)])
-
-
-def paired(values: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArray[np.intp]:
-    """Return the index in `others` of the partner of each of `values`; both have one length."""
-    from scipy.optimize import linear_sum_assignment
-
-    distance = np.abs(np.subtract.outer(values, others))
-    return np.asarray(linear_sum_assignment(np.nan_to_num(distance, nan=INFINITE, posinf=INFINITE))[1])
 
 
 def _values(what: str, said: Any, found: NDArray[np.complex128], errors: NDArray[np.float64]) -> Claim:

@@ -11,13 +11,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.scales import DOUBLES_SUFFICE, FINEST, SENSITIVITIES, VERIFIED_EIGENVALUE, VERIFIED_MULTIPLIER, followed
+from saltus.scales import (
+    DOUBLES_SUFFICE,
+    FINEST,
+    INFINITE,
+    SENSITIVITIES,
+    VERIFIED_EIGENVALUE,
+    VERIFIED_MULTIPLIER,
+    followed,
+)
 from saltus.verification.table import Row, compared, unchecked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["growth_on_the_way", "has_multiplier_condition", "matched", "multiplier_condition", "spectrum"]
+__all__ = ["growth_on_the_way", "has_multiplier_condition", "matched", "multiplier_condition", "paired", "spectrum"]
 
 _DIGITS = 60  # of the arithmetic in which a product and its eigenvalues are computed
 _AT_ONE = {"SN": 1.0, "BP": 1.0, "CP": 1.0, "PD": -1.0, "GPD": -1.0}  # places of critical multipliers
@@ -114,6 +122,14 @@ def matched(
     rows, columns = linear_sum_assignment(np.log(distance + 1e-12))
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
         yield complex(said[finite[i]]), complex(found[j]), float(uncertain[j] + 1e-7 * abs(found[j]))
+
+
+def paired(values: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArray[np.intp]:
+    """Return the index in `others` of the partner of each of `values`; both have one length."""
+    from scipy.optimize import linear_sum_assignment
+
+    distance = np.abs(np.subtract.outer(values, others))
+    return np.asarray(linear_sum_assignment(np.nan_to_num(distance, nan=INFINITE, posinf=INFINITE))[1])
 
 
 def has_multiplier_condition(kind: str) -> bool:
