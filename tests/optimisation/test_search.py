@@ -12,6 +12,7 @@ import saltus
 from saltus import InputError, continue_orbit, find_orbit, optimise
 from saltus.optimisation.carrying import carried, carrying
 from saltus.options import OptimumOptions
+from selection import guarding
 
 LINEAR = {"b": 0.0, "A": 1.0, "c": 0.4, "w": 0.6}
 A1 = "amplitude(x, 1)"
@@ -390,3 +391,44 @@ def test_the_picture_shows_the_way_and_active_bounds(optimum):
     assert other.lines[0].get_ydata() == pytest.approx(optimum.path_objective)
     with pytest.raises(InputError, match="quantity = 'k'"):
         optimum.plot("k")
+
+
+# bounds where orbits end
+
+
+def struck(limit=1.0):
+    """A driven oscillator x'' = -x - c x' + A cos(w t) before a wall at `limit`."""
+    reset = saltus.Transition("f", "f", "x - d", 1, reset={"v": "-0.8*v"}, name="hit")
+    return saltus.HybridSystem(
+        ("x", "v"),
+        {"c": 0.1, "w": 0.7, "A": 0.3 * limit, "d": limit},
+        {"f": saltus.Mode({"x": "v", "v": "-x - c*v + A*cos(s)"})},
+        [reset],
+        phase=("s", "w"),
+    )
+
+
+@pytest.mark.parametrize("limit", guarding([1e-9, 1.0, 1e9], 1.0))
+def test_a_bound_at_the_grazing_is_the_optimum(limit):
+    """The greatest x without an impact is that of the wall, and A is that at which it is touched."""
+    start = saltus.find_orbit(struck(limit), {}, [0.0, 0.0])
+    found = saltus.optimise(
+        start, maximise="max(x)", vary={"A": (0.1 * limit, 2.0 * limit)}, subject_to={"max(x)": (None, limit)}
+    )
+    assert found.stopped == "the optimum is found"
+    assert found["A"] == pytest.approx(np.hypot(1.0 - 0.49, 0.07) * limit, rel=1e-5)
+    assert found.multipliers[0] == pytest.approx(1.0, rel=1e-4)  # the best x is the bound itself
+    assert "the optimum lies on a bound" in found.notes[0]
+
+
+def test_rest_on_a_bound_is_the_optimum(duffing):
+    start = saltus.find_orbit(duffing, {"b": 0.0, "w": 0.7}, [0.0, 0.0])
+    found = saltus.optimise(start, minimise="max(x)", vary={"A": (0.0, 1.0)})
+    assert found.stopped == "the optimum is found"
+    assert found["A"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_end_of_a_smooth_piece_away_from_bounds_is_none():
+    start = saltus.find_orbit(struck(), {}, [0.0, 0.0])
+    found = saltus.optimise(start, maximise="max(x)", vary={"A": (0.1, 0.7)})
+    assert "no optimum: the smooth piece ends" in found.stopped

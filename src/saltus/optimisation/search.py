@@ -16,7 +16,7 @@ from saltus.errors import InputError
 from saltus.optimisation.carrying import carrying
 from saltus.optimisation.expressions import Expressions, Found, is_parameter, read_expression
 from saltus.optimisation.optimum import Optimum
-from saltus.optimisation.sequential import Box, Ended, Local, optimality, searched, violation
+from saltus.optimisation.sequential import ACTIVE, Box, Ended, Local, optimality, searched, violation
 from saltus.optimisation.task import Limit, Task, worded
 from saltus.optimisation.verifying import Verified, verified
 from saltus.orbits import PeriodicOrbit
@@ -317,8 +317,9 @@ def _optimum(task: Task, ended: Ended, box: Box, goal: str) -> Optimum:
         why = f"; the search stops there: {ended.refused}" if ended.refused and ended.why == "refused" else ""
         worst = _worst(task, found, best)
         raise InputError("subject_to", worst, "constraints that an orbit can meet", f"{worded(names, values)}{why}")
-    residual, multipliers = optimality(best, box)
-    checked = verified(task, best, box) if ended.why == "found" else Verified(math.nan, math.nan, ())
+    residual, multipliers = optimality(best, box, ended.height)
+    whole = ended.why == "found" and ended.height == ACTIVE  # else differences would leave the orbits
+    checked = verified(task, best, box) if whole else Verified(math.nan, math.nan, ())
     rows = task.rates(multipliers, found)
     path = [local.data for local in ended.path]
     return Optimum(
@@ -341,8 +342,15 @@ def _optimum(task: Task, ended: Ended, box: Box, goal: str) -> Optimum:
         path_objective=np.array([one.values[0] for one in path]),
         orbits=ended.looked + 1,
         stopped=_stopped(ended, names, values),
-        notes=checked.notes,
+        notes=(*_nearest(ended, names, values), *checked.notes),
     )
+
+
+def _nearest(ended: Ended, names: tuple[str, ...], values: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return in words that an optimum on a bound is come near to only, where orbits end."""
+    if ended.why != "found" or ended.height == ACTIVE:
+        return ()
+    return (f"the optimum lies on a bound, next to {worded(names, values)}, where orbits end: {ended.refused}",)
 
 
 def _worst(task: Task, found: Found, best: Local) -> str:

@@ -86,6 +86,7 @@ class Ended:
     looked: int = 0  # places that were looked at
     why: str = "most"  # ``found``, ``refused``, ``stuck``, ``infeasible``, ``most`` or ``interrupted``
     refused: str = ""  # why the last place that was refused is none
+    height: float = ACTIVE  # of a constraint, up to which it is active at the end
 
 
 def violation(local: Local) -> float:
@@ -93,13 +94,13 @@ def violation(local: Local) -> float:
     return float(np.max(-local.values, initial=0.0))
 
 
-def optimality(local: Local, box: Box) -> tuple[float, NDArray[np.float64]]:
+def optimality(local: Local, box: Box, height: float = ACTIVE) -> tuple[float, NDArray[np.float64]]:
     """Return what is left of the gradient beside active constraints, and all multipliers, those of bounds last.
 
     What is left is at least the largest height of a constraint that holds the place: at an optimum this is 0, too.
     """
     heights, rows = box.rows(local)
-    active = np.flatnonzero(heights <= ACTIVE)
+    active = np.flatnonzero(heights <= height)
     found, left = lagrange_multipliers(local.gradient, rows[active])
     multipliers = np.zeros(len(heights))
     multipliers[active] = found
@@ -158,7 +159,7 @@ class _Search:
         there = self._look(here.place + d, here)
         if isinstance(there, str):
             ended.refused, self.radius = there, 0.25 * float(np.abs(d).max())
-            return self.radius >= _REFUSED or self._end("refused")
+            return self.radius >= _REFUSED or self._end(self._refused(here))
         gained = self._merit(here) - self._merit(there)
         if gained < _TAKEN * expected and violation(there) > violation(here):
             there = self._corrected(here, there, d) or there
@@ -183,6 +184,16 @@ class _Search:
         if violation(here) > 1e2 * _MET:
             return "infeasible"
         return "found" if optimality(here, self.box)[0] <= _ROUGH else "stuck"
+
+    def _refused(self, here: Local) -> str:
+        """Return how a search ended next to places that are none: with an optimum, where bounds hold this place.
+
+        A bound may be where orbits end, as at a grazing or at rest: no step comes to it.
+        """
+        if violation(here) > 1e2 * _MET or optimality(here, self.box, _ROUGH)[0] > _ROUGH:
+            return "refused"
+        self.ended.height = _ROUGH
+        return "found"
 
     def _residual(self, local: Local) -> float:
         return optimality(local, self.box)[0] + violation(local)
