@@ -441,7 +441,7 @@ def orbit_at(
 ) -> PeriodicOrbit:  # fmt: skip
     """Return the orbit that solves `problem` at `u`; survey and multipliers are computed unless given."""
     survey = problem.survey(u) if survey is None else survey
-    values = or_unknown(problem, u, survey.rates[:, 0], multipliers(problem, u, J)) if values is None else values
+    values = or_unknown(problem, u, J, survey.rates[:, 0], multipliers(problem, u, J)) if values is None else values
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     x0 = survey.x0[: len(problem.system.states)]
     return PeriodicOrbit(

@@ -145,7 +145,7 @@ def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[st
     yield Claim.of("residual of the equations", 0.0, survey.residual, max(left, kept))
     touches = _touches(problem, survey, met, u)
     yield Claim.of("admissible", said["admissible"], survey.faults == 0, math.inf if touches else 0.0)
-    values = or_unknown(problem, u, survey.rates[:, 0], multipliers(problem, u, J))
+    values = or_unknown(problem, u, J, survey.rates[:, 0], multipliers(problem, u, J))
     off = _multiplier_errors(problem, u, J, values, period, survey)
     claim = _values("multipliers", said["multipliers"], values, off)
     if claim.said.shape == values.shape and np.any(np.abs(claim.said - claim.found) > claim.error):

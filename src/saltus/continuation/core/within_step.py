@@ -122,6 +122,8 @@ def searched(
     rows: Sequence[NDArray[np.complex128]],
     lengths: tuple[float, ...],
     tests: Callable[[list[complex]], Tested],
+    *,
+    touches: bool = False,
 ) -> bool | None:
     """Return what `several_critical` does of the last step, without spectra where all values move steadily.
 
@@ -135,6 +137,8 @@ def searched(
         Arclengths of the steps between those points.
     tests : callable
         `circle_tests` or `border_tests`.
+    touches : bool
+        See `several_critical`.
     """
     *before, first, last = rows
     if before:
@@ -144,7 +148,7 @@ def searched(
             return False
     start, centre, end = spectra(np.array([ASIDE, 0.5, 1.0 - ASIDE]))
     ends = Spectrum(first, start, ASIDE), Spectrum(last, end, -ASIDE)
-    return several_critical(spectra, *ends, tests, centre=centre)
+    return several_critical(spectra, *ends, tests, touches=touches, centre=centre)
 
 
 def several_critical(
@@ -170,7 +174,8 @@ def several_critical(
     most : int, optional
         Parts of the step that are looked at before it is not known; by default as many as it takes.
     touches : bool
-        Whether the first function is known to vanish twice, as where a value touches 1 on a branch of doubled period.
+        Whether the first function is known to vanish twice, as where a value touches 0 or 1 on a branch that turns at a
+        pitchfork.
     centre : ndarray, optional
         The values in the middle of the step, where these are known.
     """

@@ -355,7 +355,8 @@ class AlgebraicZeroProblem:
         old: PointData = before.examined.data
         ends = np.sort(self.growth(old.values, old.sizes)), np.sort(self.growth(data.values, data.sizes))
         near = bool(np.any(((ends[0] < 0.0) != (ends[1] < 0.0)) & (np.abs(ends).min(axis=0) > scales.GROWTH_RESOLVED)))
-        if not short and self._several_critical(before, point, data):
+        touches = {"SN", "BP"} <= changed  # a value of a branch that turns at a pitchfork
+        if not short and self._several_critical(before, point, data, touches=touches):
             return _SEVERAL
         rounded = ((ends[0] > 0.0) != (ends[1] > 0.0)) & (
             np.maximum(np.abs(ends[0]), np.abs(ends[1])) < scales.GROWTH_ROUNDED
@@ -383,7 +384,7 @@ class AlgebraicZeroProblem:
         (pairs, *first), (others, *second) = found
         return tuple(abs(b - a) for a, b in zip(first, second, strict=True)) if pairs == others else ()
 
-    def _several_critical(self, a: Point, b: Point, data: PointData) -> bool:
+    def _several_critical(self, a: Point, b: Point, data: PointData, *, touches: bool) -> bool:
         """Return whether values may become critical at several places within a step."""
         length, old = b.arc - a.arc, a.examined.data
         along = partial(hermite, a, b, length)
@@ -391,12 +392,15 @@ class AlgebraicZeroProblem:
         known = [*([before] if before else []), (old.values, old.sizes), (data.values, data.sizes)]
         if any(np.ptp(sizes) > 0.0 for _, sizes in known):
             unit, sized = self._unit or 1.0, lambda share: self.sized(along(share))
-            return searched_by_size(sized, known, (back, length), self.tests, unit) is not False
+            told = searched_by_size(sized, known, (back, length), self.tests, unit, touches=touches)
+            if told is not None:  # else one value comes to others, or parts from them, as where it touches 0
+                return told
 
         def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
             return self.in_units(self.spectra(along(shares[:, None])))
 
-        return searched(spectra, [self.in_units(row) for row, _ in known], (back, length), self.tests) is not False
+        rows = [self.in_units(row) for row, _ in known]
+        return searched(spectra, rows, (back, length), self.tests, touches=touches) is not False
 
     def _watched(self, value: complex) -> Monitor:
         """Return the monitor function of a value that becomes critical."""

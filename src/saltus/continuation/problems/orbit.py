@@ -45,6 +45,7 @@ from saltus.orbits.stability.floquet import (
     passage,
     unstable_count,
 )  # fmt: skip
+from saltus.orbits.stability.speedless import or_unknown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -244,10 +245,13 @@ class OrbitZeroProblem:
         problem.rescale(survey)
         self._adjust(point.u)
         values = multipliers(problem, point.u, self.own(point.J))
+        told = or_unknown(problem, point.u, self.own(point.J), survey.rates[:, 0], values)
+        values = values if (unknown := bool(np.isnan(told).any())) else told
         way = self._follow(point, before, values)
         followed = way.followed
         unstable = unstable_count(values[: len(followed)], neutral=self.neutral)
         data = OrbitData(survey, values, unstable, followed, twice=twice, tolerance=problem.tol)
+        data = replace(data, known=told) if unknown else data
         monitors = self._measured(point)
         monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
         monitors |= data.coincident
@@ -398,7 +402,7 @@ class OrbitZeroProblem:
         if values is not None:
             way = self._follow(event.point, None, values)
             unstable = unstable_count(values[: len(way.followed)], neutral=self.neutral)
-            data = replace(data, multipliers=values, unstable=unstable, followed=way.followed)
+            data = replace(data, multipliers=values, unstable=unstable, followed=way.followed, known=None)
             event.point.examined = replace(event.point.examined, data=data)
 
     def _opposite(self, event: Event) -> bool:

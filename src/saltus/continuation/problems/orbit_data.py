@@ -32,6 +32,12 @@ class OrbitData:
     beside: tuple[float, NDArray[np.complex128]] | None = None
     twice: bool = False  # whether the orbit goes round a shorter one twice
     tolerance: float = FINEST  # relative tolerance of the flow that it was solved with
+    known: NDArray[np.complex128] | None = None  # multipliers, NaN where they are rounding; None where none is
+
+    @property
+    def told(self) -> NDArray[np.complex128]:
+        """Multipliers as results have them: NaN where an event is met more slowly than its own speed is known."""
+        return self.multipliers if self.known is None else self.known
 
     @property
     def coincident(self) -> dict[Monitor, float]:
@@ -50,3 +56,8 @@ class LocusData:
     angle: float  # angle of the critical multipliers in radians; NaN on a GR or BP locus
     coefficient: float  # test function of CP, GPD or CH, over its size at the start; NaN on other loci
     behind: tuple[float, NDArray[np.complex128]] | None = None  # arclength from the point before, and its other values
+
+    @property
+    def told(self) -> NDArray[np.complex128]:
+        """Multipliers as results have them."""
+        return self.multipliers

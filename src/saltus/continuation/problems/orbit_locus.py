@@ -300,7 +300,7 @@ class LocusZeroProblem:
         inner = floquet.nontrivial(values, autonomous=self._autonomous)
         unstable = floquet.unstable_count(inner[np.abs(np.abs(inner) - 1.0) > 1e-6])
         others = self._beside(z, values)
-        values = or_unknown(self.problem, self.orbit(z), survey.rates[:, 0], values)
+        values = or_unknown(self.problem, self.orbit(z), self._J, survey.rates[:, 0], values)
         return LocusData(survey, values, unstable, others, angle, coefficient)
 
     def _determinant(

@@ -59,6 +59,8 @@ def searched_by_size(
     lengths: tuple[float, ...],
     tests: Callable[[list[complex]], Tested],
     unit: float,
+    *,
+    touches: bool = False,
 ) -> bool | None:
     """Return `searched` of values of different sizes: set by set, as those of one size never meet those of another.
 
@@ -66,7 +68,7 @@ def searched_by_size(
     ----------
     sized : callable
         Values and their sizes at a fraction of the step.
-    rows, lengths, tests
+    rows, lengths, tests, touches
         See `searched`; the rows come with their sizes.
     unit : float
         Unit of the largest values; that of others is their size where the step begins.
@@ -93,7 +95,7 @@ def searched_by_size(
 
     def of_set(at: int) -> bool | None:
         own = [row[at] / units[at] for row in sets]
-        return searched(lambda shares: spectra(at, shares), own, lengths, tests)
+        return searched(lambda shares: spectra(at, shares), own, lengths, tests, touches=touches)
 
     told = [of_set(at) for at in range(len(counts))]
     return True if True in told else None if None in told else False

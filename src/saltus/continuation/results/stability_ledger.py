@@ -230,9 +230,10 @@ def _away(curve: Any, point: Any) -> float | None:
         values = solution.eigenvalues
         if point.type in ("SN", "BP"):
             sizes = solution.value_sizes
-            if np.ptp(sizes) == 0.0:  # all eigenvalues may vanish at the point
-                first = min(int(point.position), len(curve) - 1)
-                sizes = np.maximum(sizes, np.abs(curve.eigenvalues[first : first + 2]).max())
+            first = min(int(point.position), len(curve) - 1)
+            beside = np.abs(curve.eigenvalues[first : first + 2])
+            # all eigenvalues may vanish at the point; the size of a slow one vanishes with it
+            sizes = np.maximum(sizes, beside.max() if np.ptp(sizes) == 0.0 else beside.min(axis=1).max())
             return float(np.min(np.abs(values) / np.where(sizes > 0.0, sizes, 1.0)))
         pairs = values[values.imag > 0.0] if point.type == "HB" else values[:0]
         return (

@@ -358,5 +358,5 @@ def without_rounding(examined: Examined) -> Examined:
 
 def as_before(examined: Examined, last: OrbitData) -> Examined:
     """Return the data of a cycle that is a point with the multipliers of the last one that is none."""
-    data = replace(examined.data, multipliers=last.multipliers, unstable=last.unstable)
+    data = replace(examined.data, multipliers=last.multipliers, unstable=last.unstable, known=None)
     return Examined(examined.monitors, examined.fault, data)

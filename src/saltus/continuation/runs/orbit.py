@@ -120,7 +120,7 @@ class OrbitRun(OneParameterRun):
     def orbit_of(self, branch: OrbitZeroProblem, point: Point) -> PeriodicOrbit:
         """Return the orbit of a point."""
         data = point.examined.data
-        found = orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
+        found = orbit_at(branch.problem, point.u, point.J, data.survey, data.told)
         return replace(found, tolerance=data.tolerance)
 
     def last(self, piece: OrbitZeroProblem, point: Point) -> Any:
@@ -412,11 +412,11 @@ class OrbitRun(OneParameterRun):
     def found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
         """See `OneParameterRun.found`."""
         point, orbit, value = event.point, self.orbit_of(branch, event.point), event.value
+        multipliers = point.examined.data.multipliers
         if name == "PD":
-            finite = orbit.multipliers[np.isfinite(orbit.multipliers)]
-            value = float(np.abs(finite + 1.0).min())
+            value = float(np.abs(multipliers[np.isfinite(multipliers)] + 1.0).min())
         elif name == "TR":
-            value = distance_from_circle(orbit.multipliers)
+            value = distance_from_circle(multipliers)
         tangent = None
         if name == "BP":  # it is undetermined at the point itself: the last point's is taken
             last = half.points[-1][1] if half.points else point

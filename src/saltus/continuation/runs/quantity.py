@@ -99,7 +99,7 @@ class QuantityRun(OrbitRun):
         if self._freed.family:
             u[branch.problem.size] = self._home
         fixed = replace(self._freed, quantity=self.name, value=point.parameter * self.scale)
-        found = orbit_at(branch.problem, u, branch.own(point.J), data.survey, data.multipliers, fixed)
+        found = orbit_at(branch.problem, u, branch.own(point.J), data.survey, data.told, fixed)
         return replace(found, tolerance=data.tolerance)
 
     def halved(self, branch: OrbitZeroProblem, point: Point) -> Point | None:

@@ -55,6 +55,6 @@ def end_unbounded(half: OneSide, interest: Interest) -> tuple[str, bool]:
             return f"{told(period)}; no homoclinic orbit is located: {failed}", False
     piece, point = half.points[-1]
     data = point.examined.data
-    orbit = orbit_at(piece.problem, point.u, point.J, data.survey, data.multipliers)
+    orbit = orbit_at(piece.problem, point.u, point.J, data.survey, data.told)
     half.specials.append(Found(found.type, orbit, found.error, len(half.points) - 1, point.arc, homoclinic=found.end))
     return told(period_of(piece, point)) + (f"; {failed}" if failed else ""), True
