@@ -130,6 +130,21 @@ def test_hits_accumulate_where_motions_of_exact_flights_stop_resting() -> None:
     assert mass.accumulates_at(2.18, 2.19) == pytest.approx(PRELOADED, rel=1e-11)
 
 
+@pytest.mark.campaign
+@pytest.mark.parametrize("rests", [True, False])
+def test_a_branch_through_an_accumulation_passes_verification(rests: bool) -> None:
+    checked = saltus.verify(saltus.continue_orbit(above(Mass(0.2, 1.0, 1.0), rests, 1.4), "F", (1.2, 3.5)), points=5)
+    assert checked.passed, checked
+
+
+def test_harmonics_of_an_orbit_that_rests_are_in_closed_form() -> None:
+    # over [a, a + 2 pi] the phase has the integrals -2 pi cos a with its sine, 2 pi sin a with its cosine
+    orbit = saltus.find_orbit(Mass(0.2, 1.0, 1.0).system(True), {"F": 1.8}, x0=[1.0, 1.0])
+    branch = saltus.continue_orbit(orbit, "F", (1.79, 1.81))
+    for u, found in zip(branch.unknowns, branch.harmonics[:, 2], strict=True):
+        assert found == pytest.approx(2.0 * complex(-math.cos(u[2]), math.sin(u[2])), rel=1e-12)
+
+
 def test_a_branch_ends_at_an_accumulation_where_it_is_asked_to() -> None:
     branch = saltus.continue_orbit(above(Mass(0.2, 1.0, 1.0), True, 1.4), "F", (1.2, 3.5), stop_at="CH")
     assert "F = 2.18423967: accumulation of hits (chatter)" in branch.stopped

@@ -84,6 +84,7 @@ def test_cycles_that_shrink_to_a_two_fold_end_there_by_its_name(a: float) -> Non
     assert abs(branch.special_points[0].parameters["mu"]) < 1e-10
     assert any(told.endswith("the cycle shrinks to a two-fold") for told in branch.stopped)
     assert branch.audit.passed
+    assert branch.period.min() >= 0.0
     checked = saltus.verify(branch)
     assert "shrunk to a point where no field vanishes" in str(next(row for row in checked if row.what == "orbit").found)
     assert not [row for row in checked.failures if row.what in ("of", "position by arclength") or "stopped" in row.what]

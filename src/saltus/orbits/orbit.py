@@ -115,7 +115,7 @@ class PeriodicOrbit(Solution):
     @property
     def period(self) -> float:
         """Period, the sum of the durations."""
-        return float(self.durations.sum())
+        return abs(float(self.durations.sum()))  # that of a cycle shrunk to a point is rounding, of either sign
 
     @property
     def signature(self) -> tuple[tuple[str, str], ...]:

@@ -202,7 +202,8 @@ def contacts(
     """Return where an event function vanishes in a segment: time, rate of the function, its unit.
 
     The ends of the segment are left out. So is a segment that is as a whole too near to the surface to be told from it.
-    late: time beside the ends in which an event is that of the end, as a loose tolerance leaves it.
+    late: time beside the ends in which an event is that of the end, as a loose tolerance leaves it. What passes the
+    surface up to an end by no more than the method's rounding does not pass it: a segment may end without speed.
     """
     h = reference.event(transition, piece.states)
     unit = _unit(reference, transition, piece, sizes)
@@ -214,6 +215,9 @@ def contacts(
         span = piece.times[i + 1] - piece.times[i]
         share = h[i] / (h[i] - h[i + 1])
         time = float(piece.times[i] + share * span)
+        beyond = min(float(np.abs(h[i + 1 :]).max()), float(np.abs(h[: i + 1]).max()))
+        if beyond <= _RTOL * unit:
+            continue
         if ends < time / piece.times[-1] < 1.0 - ends and _continuous(reference, piece, transition, int(i), h):
             found.append((time, float((h[i + 1] - h[i]) / span), unit))
     return found
@@ -297,7 +301,7 @@ def _perhaps_least(series: NDArray[np.float64]) -> list[int]:
         return [int(np.argmin(series))]
     reach = series[minima] - own
     nearest = np.argsort(reach, kind="stable")[:_CANDIDATES]
-    return minima[nearest[reach[nearest] <= series.min()]].tolist()
+    return [int(i) for i in minima[nearest[reach[nearest] <= series.min()]]]
 
 
 def _extreme(times: NDArray[np.float64], h: NDArray[np.float64], rates: NDArray[np.float64], i: int) -> float:

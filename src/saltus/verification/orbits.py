@@ -105,9 +105,12 @@ class OrbitCheck:
     ----------
     shrinks_at : tuple of str
         Types of special points at which the orbit is nothing but an equilibrium.
+    left_out : float
+        What is known to be left of the equations: at an accumulation of hits, the hops that the orbit has not.
     """
 
     shrinks_at = ("HB", "BE")
+    left_out = 0.0
 
     def __init__(self, orbit: PeriodicOrbit, sizes: NDArray[np.float64] | None = None) -> None:
         self.orbit = orbit
@@ -126,7 +129,7 @@ class OrbitCheck:
             return _shrunk_rows(orbit)
         if found is None:
             return [unchecked("orbit", orbit.period, "SciPy's DOP853 and Radau need too many steps to follow it")]
-        rows = [_closing(orbit, found), *_durations(orbit, found), *_multipliers(orbit, found)]
+        rows = [_closing(found, self.left_out), *_durations(orbit, found), *_multipliers(orbit, found)]
         rows += _extremes(orbit, found)
         reasons, doubts = _obstacles(orbit, found)
         if doubts and not reasons:
@@ -156,8 +159,14 @@ class OrbitCheck:
             return [compared("least distance from a contact without speed", 0.0, distance, allowed)]
         if self.found.speedless:
             return [unchecked(f"type {kind}", kind, _SPEEDLESS)]
+        values = self.found.multipliers
         known = self.found.uncertain if self.orbit.tolerance > FINEST else np.zeros_like(self.found.uncertain)
-        return multiplier_condition(self.found.multipliers, kind, multiplicity, float(known.max(initial=0.0)))
+        rows = multiplier_condition(values, kind, multiplicity, float(known.max(initial=0.0)))
+        if all(row.verdict != DIFFERS for row in rows) or not np.all(np.isfinite(self.orbit.multipliers)):
+            return rows
+        # the point was located by multipliers that err as they do along the branch
+        own = own_errors(self.orbit.problem(), np.array(self.orbit.unknowns), self.orbit.multipliers)
+        return multiplier_condition(values, kind, multiplicity, float(np.max(own) + np.max(self.found.uncertain)))
 
 
 def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
@@ -222,11 +231,11 @@ def _across(
     return projection(rate, rate / sizes**2)
 
 
-def _closing(orbit: PeriodicOrbit, found: FollowedOrbit) -> Row:
+def _closing(found: FollowedOrbit, left_out: float) -> Row:
     gaps = np.abs(found.gaps) / found.sizes
-    allowed = VERIFIED_GAP + found.error * found.growth
-    i = int(np.argmax(gaps.max(axis=1) / allowed))
-    return compared(f"gap behind segment {i}", 0.0, float(gaps[i].max()), float(allowed[i]))
+    allowed = VERIFIED_GAP + (found.error * found.growth)[:, None] + left_out / found.sizes
+    i, k = np.unravel_index(int(np.argmax(gaps / allowed)), gaps.shape)
+    return compared(f"gap behind segment {i}", 0.0, float(gaps[i, k]), float(allowed[i, k]))
 
 
 def _durations(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:

@@ -127,9 +127,10 @@ def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[st
     sizes = np.maximum(np.abs(survey.lows), np.abs(survey.highs))
     errors = _state_errors(problem, J, sizes[:n])
     phase = problem.system.phase
-    period = float(u[n : problem.size : n + 1].sum())
+    period = abs(float(u[n : problem.size : n + 1].sum()))
     yield Claim.of("x0", said["x0"], survey.x0[:count], errors[:count])
-    yield Claim.of("period", said["period"], period, problem.segments * EPS * period)
+    lasting = float(np.abs(u[n : problem.size : n + 1]).sum())
+    yield Claim.of("period", said["period"], period, problem.segments * EPS * lasting)
     late = followed(problem.tol) * period
     errors = errors + late * _speeds(problem)
     each = np.concatenate([errors, _output_errors(problem, survey, sizes, errors)])

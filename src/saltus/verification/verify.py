@@ -192,8 +192,12 @@ def _curve_rows(curve: Any, points: int) -> list[Row]:
     rows: list[Row] = []
     counts: dict[int, tuple[int, bool]] = {}
     sizes = sizes_of(curve.x0)
+    accumulated = [p.value(curve.varied[0]) for p in curve.special_points if accumulates(p.type, p.locus)]
     for index in chosen:
-        check = _check(curve.solution(index), sizes)
+        solution = curve.solution(index)
+        check = _check(solution, sizes)
+        if isinstance(check, OrbitCheck) and curve.values[index] in accumulated:
+            check.left_out = float(solution.residual)
         rows += placed(place_of(curve, index), check.rows())
         if isinstance(check, OrbitCheck) and check.found is not None:
             rows += placed(place_of(curve, index), average_rows(curve, index, check.found))

@@ -24,7 +24,7 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
         "x0": np.array([d.survey.x0[:states] for d in data]),
         "multipliers": np.array([d.told for d in data]),
         "stable": np.array([d.unstable == 0 and not np.isnan(d.told).any() for d in data]),
-        "period": np.array([point.u[n : piece.problem.size : n + 1].sum() for piece, point in joined.rows]),
+        "period": np.array([abs(point.u[n : piece.problem.size : n + 1].sum()) for piece, point in joined.rows]),
         **{name: np.array([getattr(d.survey, name) for d in data]) for name in _SURVEYED},
         "forms": tuple(forms),
         "form": np.array([forms.index(piece.problem.signature) for piece, _ in joined.rows]),

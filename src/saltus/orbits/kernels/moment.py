@@ -16,6 +16,7 @@ from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
 _PLACES = (0.04691007703066802, 0.23076534494715845, 0.5, 0.7692346550528415, 0.9530899229693320)
 _WEIGHTS = (0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324, 0.11846344252809454)
 _PARTS = 2  # in a radian of the angle, over each of which these places sum its cosine to rounding
+_SPANS = 10  # in a segment, likewise: the angle is a cubic of clustered time
 
 
 @njit(**INNER)
@@ -38,7 +39,7 @@ def add_moments(view, curve, begun, start, turns, room, moments):
         a = curve.mesh[step]
         h = curve.mesh[step + 1] - a
         turned = 2.0 * math.pi * turns * duration / view.period * (_clock(a + h) - _clock(a))
-        parts = 1 + int(abs(turned) * _PARTS) if abs(turned) < 1e6 else 1
+        parts = 1 + int(max(abs(turned) * _PARTS, h * _SPANS)) if abs(turned) < 1e6 else 1
         for g in range(5 * parts):
             place = (g // 5 + _PLACES[g % 5]) / parts
             dense_value(curve.coefficients, step * 7 * n, n, curve.nodes, step * n, place, x)
