@@ -26,6 +26,7 @@ campaign: ## tests that guard no single change; then points and words with three
 thorough: ## before a release: the many random systems of which the campaign runs some
 	@tools/make_env.sh test
 	$(BIN)/python tools/run_tests.py -m thorough $(PYTEST_ARGS)
+	$(BIN)/python tests/campaign/rounding.py --all
 
 lint: ## style, types and the contract between the floors
 	@tools/make_env.sh test

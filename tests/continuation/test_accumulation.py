@@ -96,7 +96,7 @@ def points(branch: saltus.Branch) -> list[float]:
     return [point.parameters["F"] for point in branch.special_points if point.type == "CH"]
 
 
-@pytest.mark.parametrize("step", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("step", guarding([0.1, 1.0, 10.0], 1.0))
 @pytest.mark.parametrize("rests", [True, False])
 def test_hits_accumulate_at_the_same_force_from_orbits_that_hit(rests: bool, step: float) -> None:
     steps = saltus.StepControl(initial=0.01 * step, largest=0.05 * step)
@@ -114,7 +114,7 @@ def test_hits_accumulate_at_the_same_force_from_orbits_that_hit(rests: bool, ste
         assert ("fly", "hit_last") in branch.solution(int(np.argmin(branch.values))).signature
 
 
-@pytest.mark.parametrize("step", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("step", guarding([0.1, 1.0, 10.0], 10.0))
 def test_hits_accumulate_at_the_same_force_from_orbits_that_rest(step: float) -> None:
     mass, steps = Mass(0.2, 1.0, 1.0), saltus.StepControl(initial=0.01 * step, largest=0.05 * step)
     orbit = saltus.find_orbit(mass.system(True), {"F": 1.8}, x0=[1.0, 1.0])
@@ -177,7 +177,7 @@ def random_mass(seed: int) -> Mass:
     return Mass(float(rng.uniform(0.05, 0.9)), float(10.0 ** rng.uniform(-3, 3)), float(10.0 ** rng.uniform(-2, 2)))
 
 
-@pytest.mark.parametrize("seed", guarding(range(50), 0, 2, campaign=8))
+@pytest.mark.parametrize("seed", guarding(range(50), 0, campaign=4))
 def test_random_masses_that_hit_accumulate_where_their_motions_stop_resting(seed: int) -> None:
     mass = random_mass(seed)
     if mass.e > 0.45:
@@ -187,7 +187,7 @@ def test_random_masses_that_hit_accumulate_where_their_motions_stop_resting(seed
     assert mass.accumulates_at(0.9999 * found, 1.0001 * found) == pytest.approx(found, rel=CLOSE)
 
 
-@pytest.mark.parametrize("seed", guarding(range(50), 3, 5, campaign=4))
+@pytest.mark.parametrize("seed", guarding(range(50), 5, campaign=3))
 def test_random_masses_that_rest_do_so_up_to_where_their_hits_accumulate(seed: int) -> None:
     mass = random_mass(seed)
     steps = saltus.StepControl(max_points=400)

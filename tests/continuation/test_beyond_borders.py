@@ -110,7 +110,7 @@ class Blocks:
         return stuck[-1] - stuck[-2]
 
 
-@pytest.mark.parametrize("largest", guarding((0.1, 0.02, 0.3), 0.1))
+@pytest.mark.parametrize("largest", guarding((0.1, 0.02, 0.3)))
 def test_a_block_that_overtakes_the_belt_adds_a_segment_behind_a_border(largest):
     system = blocks()
     start = saltus.find_orbit(system, {"u": 0.5}, x0=[1.0, 0.0, 1.0, 0.0])

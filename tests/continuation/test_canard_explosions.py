@@ -26,7 +26,7 @@ def swing(rate: float, current: float, span: float = 2500.0) -> float:
     return float(np.ptp(motion.y[0]))
 
 
-@pytest.mark.parametrize("rate", FOLDS)
+@pytest.mark.parametrize("rate", guarding(FOLDS, 0.08))
 def test_branch_is_the_same_from_both_ends_of_a_canard_explosion(rate):
     system = neuron(rate)
     rest = saltus.find_equilibrium(system, {"I": 0.0}, x0=[-1.0, -0.5])
@@ -46,13 +46,13 @@ def test_branch_is_the_same_from_both_ends_of_a_canard_explosion(rate):
         assert np.all(branch.multipliers[:, 0].real >= 0.0)  # of a planar flow; 0 below its error
 
 
-@pytest.mark.parametrize("rate", FOLDS)
+@pytest.mark.parametrize("rate", guarding(FOLDS, 0.08))
 def test_fold_on_a_canard_is_where_simulated_cycles_begin_to_die(rate):
     assert swing(rate, FOLDS[rate] + 1e-9) > 3.0
     assert swing(rate, FOLDS[rate] - 1e-9) < 1e-3
 
 
-@pytest.mark.parametrize("rate", guarding([0.003, 0.002], 0.003))
+@pytest.mark.parametrize("rate", guarding([0.003, 0.002]))
 def test_relaxation_cycles_go_onto_a_canard_that_a_jump_ends(rate):
     """What grows along the canard is forgotten behind the jump, and a long contraction before it hides it."""
     field = {"x": "y - x**3/3 + x", "y": "e*(a - x)"}

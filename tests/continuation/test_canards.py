@@ -147,6 +147,7 @@ def test_a_look_at_implicit_steps_that_are_not_taken_moves_no_mesh(bursting):
     assert np.isfinite(J).all()
 
 
+@pytest.mark.campaign
 def test_bursts_go_on_behind_the_canard_at_which_they_lose_a_spike(bursting):
     steps = saltus.StepControl(max_points=16)
     branch = saltus.continue_orbit(bursting, "I", (1.0, 2.0), directions="up", steps=steps)

@@ -179,7 +179,14 @@ def in_tongue(name: str) -> tuple[saltus.Map | saltus.HybridSystem, str, float, 
 
 @pytest.mark.parametrize(
     ("name", "first"),
-    guarding(TONGUES, ("delayed logistic, 7", 0), ("predator and prey, 13", 4), ("pulsed food chain, 9", 0)),
+    guarding(
+        TONGUES,
+        ("delayed logistic, 7", 0),
+        ("predator and prey, 13", 4),
+        ("pulsed food chain, 9", 0),
+        campaign=7,
+        spread=True,
+    ),
 )
 def test_a_tongue_has_its_two_folds_once_wherever_its_orbit_starts(name, first):
     system, parameter, value, x0, period = in_tongue(name)

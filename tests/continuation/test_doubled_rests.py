@@ -30,7 +30,8 @@ def turning(unit: float, c: float) -> saltus.HybridSystem:
 
 @pytest.mark.parametrize("tolerance", guarding((1e-12, 1e-10, 1e-8, 1e-6), 1e-10))
 @pytest.mark.parametrize(
-    ("unit", "c"), guarding([(u, c) for u in (1.0, 1e-9, 1e9) for c in (1.0, 0.1, 30.0)], (1.0, 1.0))
+    ("unit", "c"),
+    guarding([(u, c) for u in (1.0, 1e-9, 1e9) for c in (1.0, 0.1, 30.0)], (1.0, 1.0), campaign=3, spread=True),
 )
 def test_period_halves_at_a_rest(unit, c, tolerance):
     system = turning(unit, c)

@@ -31,9 +31,7 @@ def vaccination(unit=1.0, groups=1):
     )
 
 
-@pytest.mark.parametrize(
-    ("unit", "groups"), guarding([(1.0, 1), (1e-3, 1), (1e3, 1), (1.0, 2), (1.0, 3)], (1.0, 1), (1.0, 2))
-)
+@pytest.mark.parametrize(("unit", "groups"), guarding([(1.0, 1), (1e-3, 1), (1e3, 1), (1.0, 2), (1.0, 3)], (1.0, 1)))
 def test_the_disease_free_orbit_is_followed_whatever_its_multiplier_across(unit, groups):
     orbit = saltus.find_orbit(vaccination(unit, groups), x0=[0.03] + [0.0] * groups)
     branch = saltus.continue_orbit(orbit, "T", (0.5 * unit, 6.0 * unit))

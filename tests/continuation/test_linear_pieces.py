@@ -70,7 +70,7 @@ def cells(count):
 CELLS = [(0.2, 1.0, 1.0), (0.1, 1.0, 1.0), (0.05, 1.0, 1.0), (0.02, 1.0, 1.0), (0.01, 1.0, 1.0), (0.05, 0.5, 1.0)]
 
 
-@pytest.mark.parametrize(("e", "slope", "fall"), guarding([*CELLS, *cells(8)], CELLS[3], CELLS[4], campaign=8))
+@pytest.mark.parametrize(("e", "slope", "fall"), guarding([*CELLS, *cells(8)], CELLS[3], CELLS[4], campaign=5))
 def test_cycles_go_on_to_both_knees_with_periods_of_the_closed_form(e, slope, fall):
     start = find_orbit(neuron(e, slope, fall), {"a": 0.5}, x0=[1.5, 0.0], mode="right")
     branch = continue_orbit(start, "a", (-1.0, 2.0))

@@ -79,7 +79,7 @@ def independent(orbit, name, where):
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize(("modes", "kind", "pair", "share", "seed"), guarding(random_cases(24), campaign=12))
+@pytest.mark.parametrize(("modes", "kind", "pair", "share", "seed"), guarding(random_cases(24), campaign=6))
 def test_points_of_a_locus_are_special_points_of_independent_branches(branches, modes, kind, pair, share, seed):
     rng = np.random.default_rng(seed)
     points = branches[modes].special_points.of_type(kind)

@@ -147,7 +147,7 @@ def assert_same_points(found: list[tuple[str, float]], known: list[tuple[str, fl
     np.testing.assert_allclose(sorted(r for _, r in found), sorted(r for _, r in known), atol=1e-6)
 
 
-@pytest.mark.parametrize(("host", "point", "unit", "away", "seed"), guarding(EVERY, *QUICK, campaign=60))
+@pytest.mark.parametrize(("host", "point", "unit", "away", "seed"), guarding(EVERY, *QUICK, campaign=20))
 def test_what_leaves_a_rest_is_the_same_in_all_units(host, point, unit, away, seed):
     found, known = followed(host, point, unit, away, seed), in_units_of_one(host, point, away, seed)
     assert_same_points(found["points"], known["points"])

@@ -163,7 +163,7 @@ def random_structure(seed: int) -> saltus.HybridSystem:
     )
 
 
-@pytest.mark.parametrize("seed", guarding(range(60), campaign=10))
+@pytest.mark.parametrize("seed", guarding(range(60), campaign=4))
 def test_random_structures_have_the_same_points_from_both_ends_and_at_other_steps(seed: int) -> None:
     system = random_structure(seed)
     rest = np.zeros(len(system.states))

@@ -98,7 +98,7 @@ def after_a_period(orbit: saltus.PeriodicOrbit, kind: str) -> np.ndarray:
     return x
 
 
-@pytest.mark.parametrize("seed", guarding(range(24), 0, 1, 2, campaign=8))
+@pytest.mark.parametrize("seed", guarding(range(24), 0, campaign=3))
 def test_a_motion_that_grazes_two_equal_stops_goes_on_with_both(seed: int) -> None:
     system, kind, drive = random_system(seed)
     branch = saltus.continue_orbit(free_motion(system, 0.6 * drive), "F", (0.4 * drive, 2.0 * drive))
@@ -117,7 +117,7 @@ def test_a_motion_that_grazes_two_equal_stops_goes_on_with_both(seed: int) -> No
         assert again == pytest.approx(np.array(orbit.x0[:2]) / system.parameters["d"], abs=error), (i, str(branch))
 
 
-@pytest.mark.parametrize("seed", guarding([0, 1, 2, 3, 4, 5, 6, 7, 8, 20], 4, 7))
+@pytest.mark.parametrize("seed", guarding([0, 1, 2, 3, 4, 5, 6, 7, 8, 20], 4, 7, campaign=3))
 def test_the_branch_is_the_same_from_the_orbit_that_meets_both(seed: int) -> None:
     system, _, drive = random_system(seed)
     bounds = 0.4 * drive, 2.0 * drive
@@ -133,7 +133,7 @@ def test_the_branch_is_the_same_from_the_orbit_that_meets_both(seed: int) -> Non
 
 @pytest.mark.parametrize("back", [False, True])
 @pytest.mark.parametrize("event", ["x**2 - d**2", "x**2/d - d", "abs(x) - d"])
-@pytest.mark.parametrize("seed", guarding(range(0, 24, 4), 0, campaign=4))
+@pytest.mark.parametrize("seed", guarding(range(0, 24, 4), 0, campaign=2))
 def test_two_stops_in_one_event_are_those_of_two(seed: int, event: str, back: bool) -> None:
     two, _, drive = random_system(seed)
     hit = saltus.Transition("free", "free", event, 1, {"v": "-e*v"}, name="stop")
@@ -211,7 +211,7 @@ def in_step(seed: int) -> tuple[saltus.HybridSystem, saltus.HybridSystem]:
     return one, several
 
 
-@pytest.mark.parametrize("seed", guarding(range(16), 0, 1))
+@pytest.mark.parametrize("seed", guarding(range(16), 0, campaign=5))
 def test_oscillators_in_step_graze_at_once(seed):
     """From the side of the impacts, and from that of the free motion, they have the branch of one of them."""
     one, several = in_step(seed)

@@ -17,7 +17,7 @@ DOUBLING = 2.8324450278  # of Roessler's cycle in c
 
 
 @pytest.mark.parametrize(
-    ("name", "tolerance"), guarding(EVERY, ("Roessler", 1e-5), ("soft stop", 1e-5), ("hard stop", 1e-5))
+    ("name", "tolerance"), guarding(EVERY, ("Roessler", 1e-5), ("hard stop", 1e-5), campaign=17, spread=True)
 )
 def test_special_points_are_those_of_the_finest_tolerance(name: str, tolerance: float) -> None:
     exact, found = tolerances.branch(name, 1e-12), tolerances.branch(name, tolerance)
@@ -27,7 +27,7 @@ def test_special_points_are_those_of_the_finest_tolerance(name: str, tolerance: 
         assert other.parameters[exact.parameter] == pytest.approx(value, rel=100.0 * tolerance, abs=1e-8)
 
 
-@pytest.mark.parametrize(("name", "tolerance"), guarding(EVERY, ("two wells", 1e-5), ("Brusselator", 1e-6)))
+@pytest.mark.parametrize(("name", "tolerance"), guarding(EVERY, ("two wells", 1e-5), campaign=17, spread=True))
 def test_what_is_right_to_the_tolerance_passes_verification(name: str, tolerance: float) -> None:
     checked = verify(tolerances.branch(name, tolerance))
     assert checked.passed, checked

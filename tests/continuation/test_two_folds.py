@@ -77,7 +77,7 @@ class Random:
         return saltus.filippov(names, {"eps": 0.0}, surface=y, above=fields[0], below=fields[1])
 
 
-@pytest.mark.parametrize("seed", guarding(range(40), 0, 1, 2, 4))
+@pytest.mark.parametrize("seed", guarding(range(40), 1, campaign=10))
 def test_pseudo_equilibrium_goes_through_a_two_fold(seed):
     random = Random(seed)
     system = random.system()

@@ -48,7 +48,7 @@ def error(tolerance: float) -> float:
     return max(1e-7, 100.0 * tolerance)
 
 
-@pytest.mark.parametrize(("name", "unit", "tolerance"), guarding(EVERY, *KEPT, *QUICK, campaign=200))
+@pytest.mark.parametrize(("name", "unit", "tolerance"), guarding(EVERY, *KEPT, *QUICK, campaign=70))
 def test_special_points_and_words_are_those_in_units_of_one(name: str, unit: str, tolerance: float) -> None:
     case, new = units.CASES[name], units.NAMED[unit]
     branch = units.branch_of(case, new, tolerance)
@@ -57,7 +57,7 @@ def test_special_points_and_words_are_those_in_units_of_one(name: str, unit: str
 
 @pytest.mark.parametrize(
     ("name", "seed", "tolerance"),
-    guarding(DRAWN, ("Lorenz", 2, 1e-12), ("belt", 6, 1e-5), ("belt", 11, 1e-8), campaign=80),
+    guarding(DRAWN, ("Lorenz", 2, 1e-12), ("belt", 6, 1e-5), ("belt", 11, 1e-8), campaign=30),
 )
 def test_special_points_are_the_same_in_random_units_of_all_kinds(name: str, seed: int, tolerance: float) -> None:
     case, new = units.CASES[name], units.drawn(seed)
@@ -66,7 +66,7 @@ def test_special_points_are_the_same_in_random_units_of_all_kinds(name: str, see
 
 
 @pytest.mark.parametrize(
-    ("name", "unit"), guarding(LOCI, ("hard stop, grazing", "small"), ("Bazykin", "parameter small"), campaign=60)
+    ("name", "unit"), guarding(LOCI, ("hard stop, grazing", "small"), ("Bazykin", "parameter small"), campaign=24)
 )
 def test_loci_have_the_same_points_in_all_units(name: str, unit: str) -> None:
     case, new = units.CASES[name], units.NAMED[unit]
@@ -80,7 +80,7 @@ CHECKED = ("two wells", "hard stop", "Brusselator", "Henon", "Roessler", "relay"
 
 
 @pytest.mark.parametrize(
-    ("name", "unit"), guarding(itertools.product(CHECKED, units.UNITS), ("hard stop", "mixed"), ("Henon", "small"))
+    ("name", "unit"), guarding(itertools.product(CHECKED, units.UNITS), ("Henon", "small"), campaign=18, spread=True)
 )
 def test_branches_pass_verification_in_all_units(name: str, unit: str) -> None:
     checked = verify(units.branch_of(units.CASES[name], units.NAMED[unit], 1e-12))

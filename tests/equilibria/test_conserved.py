@@ -26,7 +26,7 @@ def _points(branch: Any) -> tuple[list[str], list[float]]:
     return [p.type for p in points], [p.solution.parameters[networks.RATE] for p in points]
 
 
-@pytest.mark.parametrize(("kind", "seed"), guarding(networks.EVERY, *KEPT, campaign=20))
+@pytest.mark.parametrize(("kind", "seed"), guarding(networks.EVERY, *KEPT, campaign=10))
 def test_a_network_is_that_with_species_eliminated_by_hand(kind: str, seed: int) -> None:
     network = networks.KINDS[kind](seed)
     system, reduced = network.system, network.reduced
@@ -55,7 +55,7 @@ def test_a_network_is_that_with_species_eliminated_by_hand(kind: str, seed: int)
         assert solution.stable == bool(np.all(values.real < 0.0))
 
 
-@pytest.mark.parametrize(("kind", "seed"), guarding(networks.EVERY, ("bistable", 3), ("oscillating", 2), campaign=20))
+@pytest.mark.parametrize(("kind", "seed"), guarding(networks.EVERY, ("bistable", 3), ("oscillating", 2), campaign=10))
 def test_special_points_of_a_network_are_those_of_determinants_by_scipy(kind: str, seed: int) -> None:
     network = networks.KINDS[kind](seed)
     branch = saltus.continue_equilibrium(

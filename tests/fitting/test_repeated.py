@@ -34,6 +34,7 @@ def test_data_that_agree_are_not_told():
     assert not any("which is right" in note for note in found.notes)
 
 
+@pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore:saltus")
 def test_a_model_that_is_wrong_accuses_no_data():
     found = fitted(np.append(W, W[:2]), np.append(curve(W), curve(W[:2]) + 1.0) + 3.0)

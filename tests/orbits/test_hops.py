@@ -66,6 +66,7 @@ def test_an_event_in_both_directions_is_met_behind_a_short_hop_as_well() -> None
         assert orbit.admissible is expected
 
 
+@pytest.mark.campaign
 def test_a_branch_ends_where_hits_on_a_table_accumulate() -> None:
     ball = saltus.HybridSystem(
         ("z", "v"), {"a": 1.2, "e": 0.5}, {"flight": saltus.Mode({"z": "v", "v": "-1"})},

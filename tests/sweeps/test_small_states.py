@@ -85,7 +85,9 @@ def test_labels_of_states_of_size_one_are_those_known(name: str) -> None:
     assert swept(name, 1.0)[0] == TRUTH[name]
 
 
-@pytest.mark.parametrize(("name", "unit"), guarding([(name, unit) for name in CASES for unit in UNITS], *KEPT))
+@pytest.mark.parametrize(
+    ("name", "unit"), guarding([(name, unit) for name in CASES for unit in UNITS], *KEPT, campaign=24, spread=True)
+)
 def test_labels_and_extremes_do_not_depend_on_the_unit_of_states(name: str, unit: float) -> None:
     labels, extremes = swept(name, unit)
     assert labels == swept(name, 1.0)[0]

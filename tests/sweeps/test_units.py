@@ -30,6 +30,6 @@ def labels(name: str, unit: str) -> list[str]:
     return list(sweep.labels.ravel().tolist())
 
 
-@pytest.mark.parametrize(("name", "unit"), guarding(EVERY, *KEPT))
+@pytest.mark.parametrize(("name", "unit"), guarding(EVERY, *KEPT, campaign=24, spread=True))
 def test_labels_are_the_same_in_all_units(name: str, unit: str) -> None:
     assert labels(name, unit) == labels(name, "one")

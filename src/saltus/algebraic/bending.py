@@ -102,6 +102,8 @@ def _linked(terms: NDArray[np.float64]) -> NDArray[np.intp]:
 
 def _balance(terms: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return sizes that balance a matrix, the largest not below 1 and the least not above it."""
+    if len(terms) == 1:
+        return np.ones(1)
     from scipy.linalg import matrix_balance
 
     _, (balance, _) = matrix_balance(terms, permute=False, separate=True)

@@ -300,8 +300,9 @@ def faults_of(problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArra
     mode = system.mode_names[problem.mode]
     if beside_two_fold(problem, u, sizes) is not None:
         return [TWO_FOLD]
-    if (value := problem.guard(problem.mode, u)) <= 0.0:
-        reasons.append(f"{system.modes[mode].domain} is {value:.6g}, not positive as in the domain of {mode}")
+    domain = system.modes[mode].domain
+    if domain is not None and (value := problem.guard(problem.mode, u)) <= 0.0:
+        reasons.append(f"{domain} is {value:.6g}, not positive as in the domain of {mode}")
     if told := problem.negative_root(u, sizes):
         reasons.append(told)
     for k in problem.ways_out:

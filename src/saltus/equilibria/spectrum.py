@@ -67,16 +67,19 @@ def terms_at(problem: _Equations, u: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def sized_eigenvalues(
-    A: NDArray[np.float64], terms: Callable[[], NDArray[np.float64]] | None = None
+    A: NDArray[np.float64],
+    terms: Callable[[], NDArray[np.float64]] | None = None,
+    values: NDArray[np.complex128] | None = None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Return `eigenvalues` and the size of each, shape (n,) each.
 
     An eigenvalue is a sum of terms, ``y A x`` with its left and right vectors: the size is that of the terms. Where no
     values are far slower than others it is the largest modulus, for all of them. docs/theory/equilibria.md, "Values of
     different sizes", explains why slow values have an own one, and how they are computed. `terms` returns what the
-    entries are made of besides, shape (any, n, n); it is called where it matters.
+    entries are made of besides, shape (any, n, n); it is called where it matters. `values` are those that NumPy
+    finds, where they are known.
     """
-    values = np.linalg.eigvals(A).astype(np.complex128)
+    values = np.linalg.eigvals(A).astype(np.complex128) if values is None else values
     moduli = np.abs(values).tolist()
     top = max(moduli, default=0.0)
     sizes = np.array([top] * len(moduli))
@@ -153,7 +156,7 @@ def unstable_count(values: NDArray[np.complex128], sizes: NDArray[np.float64] | 
 
     The size of each is the largest modulus by default.
     """
-    return int(np.sum(values.real > NEUTRAL * _sizes(values, sizes)))
+    return int(np.count_nonzero(values.real > NEUTRAL * _sizes(values, sizes)))
 
 
 def _sizes(values: NDArray[np.complex128], sizes: NDArray[np.float64] | None) -> NDArray[np.float64] | float:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["saltation_matrix"]
+__all__ = ["saltation_at", "saltation_matrix"]
 
 
 def saltation_matrix(
@@ -75,21 +75,30 @@ def saltation_matrix(
     """
     names = system.transition_names
     k = names.index(checks.chosen("transition", transition, names))
-    compiled, x = system.compiled, system.full_state(x_before, "x_before", system.transitions[k].source)
-    n, p = compiled.n, system.parameter_vector(parameters)
-    extended = compiled.extended(p)
-    event, after, jacobian = np.empty(2 + 2 * n), np.empty(n), np.empty(n * n)
+    x = system.full_state(x_before, "x_before", system.transitions[k].source)
+    return saltation_at(system, system.compiled.extended(system.parameter_vector(parameters)), k, x)
+
+
+def saltation_at(
+    system: HybridSystem, extended: NDArray[np.float64], k: int, x: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return `saltation_matrix` of a transition by its place, at a full state, with extended parameters."""
+    compiled, n = system.compiled, system.compiled.n
+    event, after, jacobian, f1, f2 = (np.empty(size) for size in (2 + 2 * n, n, n * n, n, n))
     compiled.call("event_x", k, 0, x, extended, event)
     compiled.call("reset", k, 0, x, extended, after)
     compiled.call("reset_x", k, 0, x, extended, jacobian)
     reset_x = jacobian.reshape(n, n)
     ends = (system.transitions[k].source, system.transitions[k].target)
     source, target = (system.mode_names.index(mode) for mode in ends)
-    f1, f2 = compiled.field(source, x, p), compiled.field(target, after, p)
+    compiled.call("field", source, 0, x, extended, f1)
+    compiled.call("field", target, 0, after, extended, f2)
     event_x = event[2 : 2 + n]
     rate = float(event_x @ f1)
     if abs(rate) <= 1e-14 * float(np.abs(event_x) @ np.abs(f1)):
         hint = "the motion grazes the surface, where no saltation matrix exists"
-        raise InputError(f"normal velocity at transition {transition!r}", rate, "different from 0", hint)
+        raise InputError(
+            f"normal velocity at transition {system.transition_names[k]!r}", rate, "different from 0", hint
+        )
     full = np.asarray(reset_x + np.outer(f2 - reset_x @ f1, event_x) / rate)
     return np.delete(np.delete(full, absent_states(system, target), axis=0), absent_states(system, source), axis=1)

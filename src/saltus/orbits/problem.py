@@ -73,8 +73,7 @@ class OrbitProblem(Discretised):
         self._meshes, self._surveys, self._curves = mesh_kernels, survey_kernels, curve_kernels
         self.newton, self._sizes = newton_kernels, size_kernels
         compiled = self.system.compiled
-        self.n = compiled.n
-        self.segments = len(self.signature)
+        self.n, self.segments = compiled.n, len(self.signature)
         self.size = self.segments * (self.n + 1)
         self._own_shares = shares_of(compiled, self.p)
         self._functions = np.append(with_shares(compiled.addresses, self._own_shares), 0)  # 0: no linear parts
@@ -83,20 +82,17 @@ class OrbitProblem(Discretised):
         self._slides = any(
             self.system.modes[self.system.mode_names[i]].surface is not None for i in self.signature.modes
         )
-        self.modes = np.array(self.signature.modes, dtype=np.int64)
         compiled.check_powers(self.system, self.signature.modes)
+        self.modes = np.array(self.signature.modes, dtype=np.int64)
         self.kinds = np.array(self.signature.rows, dtype=np.int64)
         self.transitions = np.array(self.signature.transitions, dtype=np.int64)
-        self._active = np.array(self.active, dtype=np.int64)
-        self.scales = np.array(self.scales, dtype=np.float64)
+        self._active, self.scales = np.array(self.active, dtype=np.int64), np.array(self.scales, dtype=np.float64)
         self.extended = compiled.extended(self.p)
         # point and normal of the plane on which a closed curve starts, 2 n numbers, and of those of its pieces
         self.phase_plane = np.zeros(2 * self.n)
         self.begun_durations = self._shares = np.ones(self.segments)
-        self.state_scale = np.ones(self.n)
-        self._atol = self.tol
-        self._nearest = 1.0
-        self._worst = 0.0
+        self.state_scale, self._atol = np.ones(self.n), self.tol
+        self._nearest, self._worst = 1.0, 0.0
         self._surface_rows = np.zeros((2, 0, len(self.system.states)))
         self._common: tuple[NDArray[np.float64], ...] | None = None  # rows and sizes that common sizes are known of
         self.stiff, self._looked, self._rough, self._unsettled = False, 0, False, 0
@@ -419,6 +415,10 @@ class OrbitProblem(Discretised):
 
     def survey(self, u: NDArray[np.float64]) -> Survey:
         """Return what a dense look at the orbit `u` shows."""
+        return on_surfaces(self, u, judged_together(self, u, self.glance(u)))
+
+    def glance(self, u: NDArray[np.float64]) -> Survey:
+        """Return `survey` without what is made of it at events."""
         quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
         if np.isfinite(u).all():
             self._lasting = np.abs(u[self.n : self.size : self.n + 1])
@@ -428,7 +428,7 @@ class OrbitProblem(Discretised):
         )
         self._seen = u.copy(), self.surveyed[0]
         values: Any = (int(faults) & ~COARSE, bool(faults & COARSE), *found, self.stiff)
-        return on_surfaces(self, u, judged_together(self, u, Survey(*values)))
+        return Survey(*values)
 
     def dense(self) -> Dense:
         """Return the dense output that the last survey left."""

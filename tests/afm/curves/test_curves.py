@@ -55,6 +55,7 @@ def test_all_sheets_at_a_distance_have_their_readings(curve):
     assert found[2]["deflection_pm"] == pytest.approx(-8.75335, abs=1e-5)
 
 
+@pytest.mark.campaign
 def test_columns_of_a_curve_are_the_readings_of_its_orbits(curve):
     for i in (0, 17, 60, len(curve.branches[0]) - 1):
         seen = afm.observables(curve.branches[0].solution(i))
@@ -94,6 +95,7 @@ def test_a_frequency_curve_turns_at_both_jumps(tune):
     assert tune.path("up")["f_kHz"].values[[0, -1]] == pytest.approx([298.0, 302.0], abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_curve_is_saved_and_read_back_equal(curve, tmp_path):
     held = saltus.load(curve.save(tmp_path / "curve.nc"))
     assert held == curve
@@ -150,6 +152,7 @@ def test_a_way_that_is_written_as_a_text_file_is_read_back_the_same(curve, tmp_p
     assert all(np.array_equal(picked[name], table[name]) for name in picked)
 
 
+@pytest.mark.campaign
 def test_the_ways_go_through_snap_in_and_pull_off_where_static_equilibria_end():
     """At small amplitude the snap-in is at 1.5 (H R/3k)^(1/3), the pull-off at a0 + H R/(6 k a0^2)."""
     probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=12.0)

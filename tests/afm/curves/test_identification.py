@@ -7,7 +7,7 @@ import saltus
 from saltus import InputError, MeasuredPoint, afm
 from saltus.continuation.results.sheets import sheets_of
 from saltus.options import FitOptions
-from selection import guarding
+from selection import CAMPAIGN, guarding
 
 TRUE = {"H_aJ": 0.12, "E_GPa": 1.5, "c_uNs_m": 2.0, "Zc_nm": 8.5}
 SIGMA = {"amplitude_nm": 0.03, "lag_deg": 0.3}
@@ -316,14 +316,15 @@ def test_the_range_of_a_wide_tune_stays_above_0():
 @pytest.mark.parametrize(
     ("shown", "told"),
     [
-        (
+        pytest.param(
             lambda lag: 90.0 - lag,
             "the data fit with lags read as 90 - lag_deg, of phase_convention 'bruker0': chi2/n = ",
+            id="bruker0",
+            marks=CAMPAIGN,
         ),
-        (lambda lag: -lag, "the data fit with lags read as -lag_deg: chi2/n = "),
-        (np.radians, "the data fit with lags read as lag_deg in radians: chi2/n = "),
+        pytest.param(lambda lag: -lag, "the data fit with lags read as -lag_deg: chi2/n = ", id="sign", marks=CAMPAIGN),
+        pytest.param(np.radians, "the data fit with lags read as lag_deg in radians: chi2/n = ", id="radians"),
     ],
-    ids=["bruker0", "sign", "radians"],
 )
 def test_a_wrong_convention_of_the_phase_is_named(shown, told):
     """A fit of such data ended with a hint at the gain of the detector."""

@@ -179,6 +179,7 @@ def test_one_harmonic_is_exact_where_the_sample_is_linear(drive, Q):
 # harmonics
 
 
+@pytest.mark.campaign
 def test_harmonics_along_a_curve_are_those_of_its_orbits(curve):
     i = int(np.argmin(curve.column("amplitude_nm")))
     seen = afm.observables(curve.branches[0].solution(i))

@@ -19,6 +19,7 @@ def words(panel):
     return [text.get_text() for text in panel.get_legend().get_texts()]
 
 
+@pytest.mark.campaign
 def test_special_points_have_an_instruments_words_with_those_of_dynamics_beside(curve):
     panel = curve.plot()[0]
     assert {"jump (SN)", "onset of contact (GR)"} <= set(words(panel))

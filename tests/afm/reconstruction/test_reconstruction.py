@@ -239,6 +239,7 @@ def test_errors_of_a_law_hold_it_as_often_as_they_should(tapping, amplitude_nm, 
     assert 0.58 < np.mean(np.abs(pulls) < 1.0) < 0.8
 
 
+@pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore:saltus")
 def test_a_force_of_data_that_were_measured_twice_is_that_of_the_data(tapping):
     """Errors where the shift has an extremum are those of its bend: without, these rows counted for too much."""
@@ -251,6 +252,7 @@ def test_a_force_of_data_that_were_measured_twice_is_that_of_the_data(tapping):
     assert np.mean(np.abs(twice.F_nN - wanted) < 3.0 * twice.sigma_nN) > 0.9
 
 
+@pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore:saltus")
 def test_rows_of_one_distance_that_contradict_each_other_are_told(tapping):
     table, drive = tapping

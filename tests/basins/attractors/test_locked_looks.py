@@ -35,7 +35,11 @@ def turning(rate):
 
 
 CASES = guarding(
-    [(ratio, rate) for rate in RATES for ratio in RATIOS], (2.0 * math.pi / 1.37, 1.0), (3.0, 1.0), campaign=30
+    [(ratio, rate) for rate in RATES for ratio in RATIOS],
+    (2.0 * math.pi / 1.37, 1.0),
+    (3.0, 1.0),
+    campaign=8,
+    spread=True,
 )
 
 

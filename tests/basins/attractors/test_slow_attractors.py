@@ -90,7 +90,7 @@ def _products(count):
 PRODUCTS = list(_products(100))
 
 
-@pytest.mark.parametrize(("slow", "unit", "seed"), guarding(PRODUCTS, campaign=10))
+@pytest.mark.parametrize(("slow", "unit", "seed"), guarding(PRODUCTS, campaign=5))
 def test_products_of_slow_lines_have_two_rests_a_line_and_equal_orthants(slow, unit, seed):
     """Each state is a line of two rests: 2^n attractors at (+-1, ...), each with the starts of its signs."""
     states = [f"x{k}" for k in range(len(slow))]

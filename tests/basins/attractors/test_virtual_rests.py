@@ -46,7 +46,7 @@ def random_relay(seed, unit):
 
 RELAYS = guarding(
     [(seed, 1.0) for seed in range(30)] + [(seed, unit) for unit in (1e-9, 1e9) for seed in range(4)],
-    (1, 1.0), (2, 1.0), (3, 1.0), (8, 1.0), campaign=10,
+    (1, 1.0), (8, 1.0), campaign=8,
 )  # fmt: skip
 
 
@@ -94,7 +94,7 @@ def oscillator(seed):
     return HybridSystem(("x", "v"), {}, modes, ways), sorted([on] * (on < high) + [off] * (off > low))
 
 
-@pytest.mark.parametrize("seed", guarding(range(100, 124), 101, 107, campaign=8))
+@pytest.mark.parametrize("seed", guarding(range(100, 124), 107, campaign=5))
 def test_of_a_random_planar_relay_each_cell_ends_where_its_simulation_does(seed):
     system, rests = oscillator(seed)
     box = {"x": (-3.0, 3.0), "v": (-3.0, 3.0)}
@@ -132,6 +132,7 @@ def test_a_neuron_that_does_not_fire_rests():
     assert rests_of(found) == [pytest.approx([0.9], abs=1e-9)]
 
 
+@pytest.mark.campaign
 def test_a_forced_neuron_has_no_attractor_above_its_threshold():
     system = neuron({"v": "0"}, "1.5 + 0.1*cos(s)", phase=("s", 6.5))
     found = searched(system, {"v": (-1.0, 0.9)}, None)
@@ -229,6 +230,7 @@ def test_a_rest_behind_a_wall_attracts_what_a_second_event_puts_there():
     assert found.fates["rest"] > 0
 
 
+@pytest.mark.campaign
 def test_a_rest_beyond_an_event_attracts_where_a_kick_at_a_phase_lands_beyond():
     ways = [
         Transition("a", "a", "v - 1", 1, {"v": "0"}),
@@ -245,6 +247,7 @@ def test_a_second_event_that_no_motion_meets_puts_nothing_behind_a_wall():
     assert rests_of(found) == []
 
 
+@pytest.mark.campaign
 def test_a_rest_attracts_what_comes_from_a_surface_outside_the_region():
     modes = {"a": Mode({"x": "2 - x"}), "b": Mode({"x": "-1"})}
     ways = [Transition("a", "b", "x - 1", 1), Transition("b", "a", "x + 7", -1, {"x": "1.5"})]

@@ -112,7 +112,7 @@ def _cases(count):
 CASES = list(_cases(24))
 
 
-@pytest.mark.parametrize(("place", "width", "rate", "own", "unit"), guarding(CASES, *CASES[:3]))
+@pytest.mark.parametrize(("place", "width", "rate", "own", "unit"), guarding(CASES, *CASES[:3], campaign=8))
 def test_windows_that_a_search_has_missed_are_wrong_labels(place, width, rate, own, unit):
     system, middle = with_window(place, width, rate, own, unit)
     found = find_attractors(system, {}, {"x": (-unit, unit)}, options=FEW)

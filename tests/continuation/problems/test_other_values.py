@@ -192,7 +192,7 @@ def test_a_locus_that_turns_where_a_second_part_folds(steps: float) -> None:
     assert sorted(found.column("y")[[0, -1]].tolist()) == pytest.approx([-(2.0**0.5), 2.0**0.5])
 
 
-@pytest.mark.parametrize("steps", guarding(STEPS, 0.3))
+@pytest.mark.parametrize("steps", guarding(STEPS))
 def test_a_double_value_is_no_further_one(steps: float) -> None:
     """From Bogdanov-Takens and 1:1 resonance points, too, whose second value is as critical as the first."""
     takens = HybridSystem.smooth({"x": "y", "y": "b1 + b2*x + x**2 - x*y"}, {"b1": -1.0, "b2": -1.0})
@@ -291,7 +291,7 @@ def random_blocks(seed: int, kind: str) -> tuple[list[Block], list[tuple[float, 
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed"), guarding([(kind, seed) for seed in range(60) for kind in MET], ("TR", 0), ("SN", 9), campaign=24)
+    ("kind", "seed"), guarding([(kind, seed) for seed in range(60) for kind in MET], ("SN", 9), campaign=10)
 )
 def test_random_blocks_in_turned_axes(kind: str, seed: int) -> None:
     blocks, places, steps, axes = random_blocks(seed, kind)
@@ -357,9 +357,8 @@ def coupled(kind: str, seed: int, steps: float) -> list[tuple[str, float, float]
     return sorted((p.type, *map(float, p.parameters.values())) for p in found.special_points if p.type != "TP")
 
 
-@pytest.mark.campaign
 @pytest.mark.parametrize("kind", ["HB", "TR", "PD"])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", guarding(range(6), campaign=2))
 def test_steps_of_any_length_find_the_same(kind: str, seed: int) -> None:
     fine, usual, long = (coupled(kind, seed, steps) for steps in (0.01, 0.1, 0.3))
     for found in (usual, long):

@@ -61,7 +61,7 @@ def test_bursts_with_a_peak_behind_many_doublings_are_found(changed, spikes):
     assert orbit.period == pytest.approx(settled_period(neuron, spikes), rel=1e-9)
 
 
-@pytest.mark.parametrize("peak", guarding([-20.0, 0.0], 0.0))
+@pytest.mark.parametrize("peak", guarding([-20.0, 0.0]))
 def test_steps_along_a_branch_do_not_shrink_with_the_upstroke(peak):
     slow = adaptive(-30.0, {})
     fast = adaptive(peak, {})

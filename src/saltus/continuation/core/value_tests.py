@@ -89,14 +89,16 @@ def border_tests(values: list[complex]) -> Tested:
     if len(values) == 1:
         value = values[0]
         return Tested([value.real], [1e-3 + abs(value)], False, False, abs(value.real))
+    if len(values) == 2:
+        a, b = values
+        modulus = abs(a)
+        size = 1e-3 + modulus
+        sizes, turns = [size * (1e-3 + abs(b)), size], abs(a.imag) > PAIRED * modulus
+        return Tested([(a * b).real, (a + b).real], sizes, turns, False, min(abs(a.real), abs(b.real)))
     product, size = 1.0 + 0.0j, 1.0
     for value in values:
         product, size = product * value, size * (1e-3 + abs(value))
-    found, sizes = [product.real], [size]
-    if len(values) == 2:
-        found.append((values[0] + values[1]).real)
-        sizes.append(1e-3 + abs(values[0]))
-    return Tested(found, sizes, _turns(values), far=False, scale=min(abs(value.real) for value in values))
+    return Tested([product.real], [size], False, False, min(abs(value.real) for value in values))
 
 
 def _turns(values: list[complex]) -> bool:

@@ -6,6 +6,7 @@ Values that meet are taken together, since symmetric functions of them stay smoo
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -66,10 +67,9 @@ class _Place(NamedTuple):
     away: float
 
     @classmethod
-    def at(cls, share: float, known: Spectrum) -> _Place:
+    def at(cls, share: float, values: list[complex], beside: list[complex], away: float) -> _Place:
         """Return a place at which values are known with those beside in any order."""
-        values: list[complex] = known.values.tolist()
-        return cls(share, values, _matched(values, known.beside.tolist()), known.away)
+        return cls(share, values, _matched(values, beside), away)
 
 
 def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Callable[[list[complex]], Tested]) -> bool:
@@ -180,10 +180,12 @@ def several_critical(
         The values in the middle of the step, where these are known.
     """
     centre = spectra(np.array([0.5]))[0] if centre is None else centre
-    if not all(np.isfinite(values).all() for values in (centre, *first[:2], *last[:2])):
+    middle, *ends = known = [values.tolist() for values in (centre, *first[:2], *last[:2])]
+    if not all(all(map(cmath.isfinite, values)) for values in known):
         return None
     zeros: list[list[float]] = [[], [], []]
-    parts = [(_Place.at(0.0, first), _Place.at(1.0, last), centre.tolist(), 0)]
+    start, end = _Place.at(0.0, ends[0], ends[1], first.away), _Place.at(1.0, ends[2], ends[3], last.away)
+    parts = [(start, end, middle, 0)]
     looked = 0
     while parts:
         left, right, middle, depth = parts.pop()

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -86,6 +87,12 @@ class AlgebraicZeroProblem:
         self._apart: tuple[int, ...] = ()  # the same of real values and of pairs
         self._unit = 0.0  # modulus of eigenvalues
         self._crossed: int | None = None  # change of the number of unstable values in the last step, if it is known
+
+    def copied(self) -> Self:
+        """Return these equations with sizes and units of their own, which are those of now."""
+        found = copy(self)
+        found.problem, found.sizes, found._units = copy(self.problem), self.sizes.copy(), dict(self._units)
+        return found
 
     def reasons(self, u: NDArray[np.float64]) -> tuple[str, ...]:
         """Return why a solution is virtual."""

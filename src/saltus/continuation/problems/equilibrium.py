@@ -14,10 +14,12 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.point_types import on_branches
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
+from saltus.continuation.problems.errors import algebraic_error, spectral_error
 from saltus.continuation.problems.stretches import Stretch, spectra
 from saltus.equilibria.equilibrium import faults_of
 from saltus.equilibria.pseudo import beside_two_fold, residual_of, without_pole
 from saltus.equilibria.sliding import sides_of
+from saltus.equilibria.spectrum import pair_product
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -99,6 +101,14 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
         if name.kind == "domain":
             return self.problem.guard(self.problem.mode, point.u)
         return self.over_unit(name, *self.problem.event(name.transition, point.u))
+
+    def error(self, name: Monitor, point: Point) -> float:
+        """See `ZeroProblem.error`."""
+        if name.kind == "HB" and not self.problem.system.laws:
+            found = spectral_error(self, point, lambda u, values: pair_product(values) * self._through_infinity(u))
+            if found is not None:
+                return found
+        return algebraic_error(self, name, point)
 
     def _through_infinity(self, u: NDArray[np.float64]) -> float:
         """Return the factor with which the test function of pairs keeps its sign where an eigenvalue passes infinity.

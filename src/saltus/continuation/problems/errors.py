@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.equilibria.spectrum import sized_eigenvalues
 from saltus.orbits.stability.floquet import multiplier_errors, nontrivial, with_errors
 from saltus.scales import EPS, Verdict, zero
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from saltus.continuation.core.zero_problem import Point
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["algebraic_error", "clear_of_one", "orbit_error"]
+__all__ = ["algebraic_error", "clear_of_one", "orbit_error", "spectral_error"]
 
 _PATTERNS = (3, 5)  # multiplier in a pattern of signs
 _OF_TANGENT = ("SN", "BP")  # kinds of monitor functions of the bordered Jacobian; all others evaluate the equations
@@ -38,14 +39,34 @@ def algebraic_error(self: Any, name: Monitor, point: Point) -> float:
     own = self.monitor(name, at(self, point, point.u, 0))
     if not math.isfinite(own):
         return math.inf
-    return float(max(abs(self.monitor(name, nudged) - own) for nudged in _nudged(self, point, at)))
+    nudged = (at(self, point, u, pattern) for u, pattern in zip(_nudged(self, point), _PATTERNS, strict=True))
+    return float(max(abs(self.monitor(name, beside) - own) for beside in nudged))
 
 
-def _nudged(self: Any, point: Point, at: Callable[..., Point]) -> Iterator[Point]:
-    """Go through points whose unknowns and derivatives are those of a point but for rounding."""
+def spectral_error(
+    self: Any, point: Point, of: Callable[[NDArray[np.float64], NDArray[np.complex128]], float]
+) -> float | None:
+    """Return what `algebraic_error` does of a function of unknowns and eigenvalues of an equilibrium without laws.
+
+    The eigenvalues are found at once. None where a derivative is not finite.
+    """
+    places = np.array([point.u, *_nudged(self, point)])
+    matrices = self.problem.matrices(places)
+    if not np.isfinite(matrices).all():
+        return None
+    rows = np.linalg.eigvals(matrices).astype(np.complex128)
+    own, *others = (
+        of(u, sized_eigenvalues(A, partial(self.terms, u), values)[0])
+        for u, A, values in zip(places, matrices, rows, strict=True)
+    )
+    return max(abs(other - own) for other in others) if math.isfinite(own) else math.inf
+
+
+def _nudged(self: Any, point: Point) -> Iterator[NDArray[np.float64]]:
+    """Go through the unknowns of a point, changed by rounding in each pattern of signs."""
     scale = np.maximum(np.abs(point.u), EPS * self.scale())
     for pattern in _PATTERNS:
-        yield at(self, point, point.u + EPS * _signs((point.u.size,), pattern) * scale, pattern)
+        yield point.u + EPS * _signs((point.u.size,), pattern) * scale
 
 
 def _beside(self: Any, point: Point, u: NDArray[np.float64], pattern: int) -> Point:

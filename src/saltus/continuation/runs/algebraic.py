@@ -17,6 +17,7 @@ from saltus.continuation.core.multiple import crossing_point
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
 from saltus.continuation.problems.extents import extents
+from saltus.continuation.runs.copies import algebraic_copied
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_value
 from saltus.continuation.runs.run import Asked, Going
@@ -181,7 +182,7 @@ class AlgebraicRun(OneParameterRun):
         problem = self.solution.problem(self.name)
         problem.scales[0] = self.scale
         u = np.append(self.solution.unknowns, self.start_value(self.solution.parameters))
-        branch = self.equations(problem, u, self.first_sizes.copy() if self.first_sizes.size else None)
+        branch = self.equations(problem, u)
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:
@@ -189,6 +190,16 @@ class AlgebraicRun(OneParameterRun):
         point.examined = branch.examine(point, None)
         self.first_sizes = branch.sizes.copy()
         return branch, self._aside(branch, point)
+
+    def again(self, piece: AlgebraicZeroProblem, point: Point) -> Callable[[], tuple[AlgebraicZeroProblem, Point]]:
+        """See `Run.again`."""
+        made = algebraic_copied(piece, point)
+
+        def begun() -> tuple[AlgebraicZeroProblem, Point]:
+            self._marks, self._blunt = [], set()
+            return made()
+
+        return begun
 
     def _aside(self, branch: AlgebraicZeroProblem, point: Point) -> Point:
         """Return a start that is not critical: a critical one is moved a little, away from where the branch goes.

@@ -1,7 +1,8 @@
-"""The start of a branch of orbits, copied: its second direction begins from the same data as the first."""
+"""The start of a branch, copied: its second direction begins from the same data as the first."""
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,10 +13,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.core.zero_problem import Point
+    from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
     from saltus.continuation.problems.orbit import OrbitZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["copied"]
+__all__ = ["algebraic_copied", "copied"]
+
+
+def algebraic_copied(branch: AlgebraicZeroProblem, point: Point) -> Callable[[], tuple[AlgebraicZeroProblem, Point]]:
+    """Return what gives algebraic equations and first point of a branch as they are now, whatever becomes of these."""
+    fresh, first = branch.copied(), _fresh(point)
+    return lambda: (fresh, first)
 
 
 def copied(
@@ -33,8 +41,17 @@ def copied(
     problem = replace(branch.problem)
     problem.take(branch.problem.kept())
     problem.phase_plane = branch.problem.phase_plane.copy()
-    examined = replace(point.examined, monitors=dict(point.examined.monitors))
-    arrays = {name: getattr(point, name).copy() for name in ("u", "J", "tangent", "weights")}
-    fresh, first = make(problem, arrays["u"]), replace(point, examined=examined, **arrays)
-    fresh.like(branch, arrays["u"])
+    first = _fresh(point)
+    fresh = make(problem, first.u)
+    fresh.like(branch, first.u)
     return lambda: (fresh, first)
+
+
+def _fresh(point: Point) -> Point:
+    """Return a point with arrays and monitor functions of its own."""
+    found = copy(point)
+    found.examined = replace(point.examined, monitors=dict(point.examined.monitors))
+    found.u, found.J, found.tangent, found.weights = (
+        array.copy() for array in (point.u, point.J, point.tangent, point.weights)
+    )
+    return found

@@ -57,6 +57,8 @@ class Laws:
     def matrix(self, p: NDArray[np.float64], *by: int) -> NDArray[np.float64]:
         """Return the coefficients, shape (law, state), or their derivatives by some parameters."""
         found = np.zeros((len(self), self.states))
+        if not self.names:
+            return found
         np.add.at(found, (self.rows, self.columns), self.factors(p, *by))
         return found
 

@@ -18,6 +18,8 @@ from oracles.tapping import Tapping
 from saltus.afm.paper.figures import fig2, runner
 from saltus.afm.paper.figures.files import read_results
 
+pytestmark = pytest.mark.campaign
+
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
@@ -30,7 +32,6 @@ def content(found):
     return json.loads(found["files"][1].read_text())
 
 
-@pytest.mark.campaign
 def test_four_files_are_written(found):
     assert [path.name for path in found["files"]] == ["fig2.nc", "fig2.json", "fig2.png", "fig2.pdf"]
     assert not found["interrupted"]
@@ -84,7 +85,6 @@ def test_parameters_are_the_captions(content):
     assert (p["D_att_1"], p["D_att_2"], p["D_rep_1"], p["D_rep_2"]) == (0.025, 0.025, 4.0, 4.0)
 
 
-@pytest.mark.campaign
 def test_the_data_file_gives_the_orbits_back(found):
     again = read_results(found["files"][0])
     assert list(again) == ["impacting", "non_impacting", "response"]
@@ -118,7 +118,6 @@ def test_the_picture_has_solid_segments_and_a_dashed_orbit_in_both_panels(found)
     assert "phase reset" in [text.get_text() for text in legend.get_texts()]
 
 
-@pytest.mark.campaign
 def test_an_interrupted_run_keeps_the_orbit_it_has(tmp_path):
     def say(progress):
         if progress.text.startswith("orbit without contact"):

@@ -140,6 +140,6 @@ RELAYS = [(seed, form, name) for seed in range(30) for form in ("each", "some") 
 KEPT = [(0, "each", "u"), (2, "some", "b"), (11, "each", "c")]
 
 
-@pytest.mark.parametrize(("seed", "form", "name"), guarding(RELAYS, *KEPT, campaign=20))
+@pytest.mark.parametrize(("seed", "form", "name"), guarding(RELAYS, *KEPT, campaign=10))
 def test_random_relays_exist_between_the_jumps_of_their_closed_form(seed, form, name):
     traced_as_it_exists(Relay.random(seed), form, name)

@@ -66,7 +66,8 @@ class _Orbit:
 
     def __init__(self, curve: Any, row: int) -> None:
         self.curve, self.row, self.system = curve, row, curve.system
-        self.p: NDArray[np.float64] = self.system.parameter_vector(curve._parameters_at(row))
+        named = curve._parameters_at(row)
+        self.p = np.array([named[name] for name in self.system.parameter_names])
         self.form: Signature = curve.forms[curve.form[row]]
         blocks = curve.unknowns[row].reshape(len(self.form), -1)
         self.starts, self.durations = np.ascontiguousarray(blocks[:, :-1]), blocks[:, -1]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import SaltusError
-from saltus.flow.saltation import saltation_matrix
+from saltus.flow.saltation import saltation_at
 from saltus.orbits.observables.sampling import motion_of, steps_of
 from saltus.scales import EPS, UNIT_OF_GROWTH, Verdict, value_error, zero
 from saltus.system.own_states import absent_states
@@ -61,7 +61,7 @@ def _at_last(curve: Any, branch: Any, point: Any, found: list[tuple[float, str]]
     problem, error = branch.problem, _error(curve.multipliers[-1], curve.tolerance)
     if branch.further or not error < UNIT_OF_GROWTH or point.u.size != problem.size + 1:
         return 0
-    if problem.survey(point.u).coarse:
+    if problem.glance(point.u).coarse:
         return 0
     try:
         return _compared(curve, len(curve) - 1, error, problem, point.u, found)
@@ -103,11 +103,11 @@ def _logarithm(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[float, fl
         rough, total = _divergence(motion_of(problem, u))
         error = abs(total - rough)
     system, transitions = problem.system, problem.system.transitions
-    parameters = problem.named_at(u)
+    extended = system.compiled.extended(problem.parameters_at(u))
     for index, k in enumerate(problem.signature.transitions):
         if k < 0:
             continue
-        matrix = saltation_matrix(system, parameters, transitions[k].name, steps.ends[index])
+        matrix = saltation_at(system, extended, k, np.ascontiguousarray(steps.ends[index]))
         if matrix.shape[0] != matrix.shape[1]:
             return None  # modes with states of their own
         determinant = abs(float(np.linalg.det(matrix)))
