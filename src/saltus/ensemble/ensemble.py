@@ -21,7 +21,7 @@ from saltus.flow.shares import limit_of
 from saltus.flow.starting import allowed_modes, phase_rate, starting_mode
 from saltus.flow.transition_rows import jumps_at_phase_zero
 from saltus.flow.variational import Average, Growth, growth_along
-from saltus.system.angles import refuse
+from saltus.system.angles import wrapped
 from saltus.system.own_states import absent_states
 from saltus.work import processors, starting
 
@@ -109,7 +109,6 @@ class Ensemble:
         limit: float | None = None,
         threads: int | None = None,
     ) -> None:
-        refuse(system.angles, "an ensemble")
         if (interval is None) == (system.phase is None):
             hint = "the time between two looks at a motion, about its period, as BasinOptions(interval=1.0)"
             allowed = "given for a system without a phase, and for no other"
@@ -281,7 +280,7 @@ class Ensemble:
         return starts
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        return checked_points(points, self.system.states)
+        return wrapped(checked_points(points, self.system.states), self.system.angle_places)
 
     def _followed(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], traps: Traps, longest: int, *, growth: bool
@@ -297,7 +296,7 @@ class Ensemble:
                 itol, 1.0 / _GROWTH if growth else 1.0, min(1.0 / _largest_tolerance(traps), itol),
                 float(traps.limit), longest, visits,
             )  # fmt: skip
-            regions, boxes = regions_of(traps, self.n), boxes_of(traps, self.n)
+            regions, boxes = regions_of(traps, self.n, self.system.angle_places), boxes_of(traps, self.n)
             self._run(Motions(x, modes), regions, boxes, settings, Found(labels, strobes, ends, end_modes))
         alone = np.flatnonzero(labels == LEFT_OVER)
         self.left_over += len(alone)
@@ -331,6 +330,8 @@ class Ensemble:
 
     @cached_property
     def _linear(self) -> dict[int, LinearPart]:
+        if self.system.angles:
+            return {}  # a whole turn is not taken away from amplitudes
         return linear_parts(self.system, self.p, self.rate, self.period)
 
     @cached_property
@@ -422,8 +423,8 @@ def part_of(record: Any, start: int, end: int) -> Any:
     return type(record)(*(array[start:end] for array in record))
 
 
-def regions_of(traps: Traps, n: int) -> Regions:
-    """Return trapping regions as kernels read them."""
+def regions_of(traps: Traps, n: int, circles: NDArray[np.int64]) -> Regions:
+    """Return trapping regions as kernels read them, and the places of the states on a circle."""
     labels = []
     cages = np.empty((0, 2 + n))
     if (c := traps.cages) is not None:
@@ -437,7 +438,7 @@ def regions_of(traps: Traps, n: int) -> Regions:
         parts = (e.modes, e.centres, e.shapes, planes)
         ellipsoids = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1, dtype=np.float64)
         labels.append(e.labels)
-    return Regions(cages, ellipsoids, np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64))
+    return Regions(cages, ellipsoids, np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64), circles)
 
 
 def boxes_of(traps: Traps, n: int) -> Boxes:

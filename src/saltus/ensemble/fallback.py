@@ -13,6 +13,7 @@ from saltus.errors import DivergenceError, SaltusError, StickingError
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.poincare import iterate
 from saltus.flow.starting import starting_mode
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -62,12 +63,13 @@ def follow_alone(
     p = system.parameter_vector(parameters)
     limit = traps.limit if traps.limit < math.inf else None
     try:
+        x = wrapped(x, system.angle_places)
         if mode < 0:
             mode = starting_mode(system, system.full_state(x), p)
         label = traps.of(x, mode)
         while label == UNDECIDED and strobe < longest:
             x, mode = _after_period(system, parameters, x, mode, period, limit)
-            strobe += 1
+            x, strobe = wrapped(x, system.angle_places), strobe + 1
             label = traps.of(x, mode)
             if label == UNDECIDED and traps.cells is not None:
                 from saltus.ensemble.kernels.lanes import after_visit  # with Numba, which takes its time

@@ -17,7 +17,7 @@ from saltus.flow.variational import Average, Growth
 from saltus.maps.code import MapCode, code_of
 from saltus.maps.growth import growth_of_map
 from saltus.maps.iterates import path_from
-from saltus.system.angles import refuse
+from saltus.system.angles import wrapped
 from saltus.system.tiling import pieces_error
 from saltus.work import processors
 
@@ -92,7 +92,6 @@ class MapEnsemble:
         limit: float | None = None,
         threads: int | None = None,
     ) -> None:
-        refuse(system.angles, "an ensemble")
         self.system, self.parameters = system, checks.mapping("parameters", parameters, "names to numbers, or None")
         self.p = system.parameter_vector(self.parameters)
         self.n = len(system.states)
@@ -212,7 +211,8 @@ class MapEnsemble:
         for _ in range(longest):
             if label != UNDECIDED:
                 break
-            x = self.system.compiled.linearised(self.system.piece_index(x, self.p), x, extended)[0]
+            image = self.system.compiled.linearised(self.system.piece_index(x, self.p), x, extended)[0]
+            x = wrapped(image, self.system.angle_places)
             label = traps.of(x, 0)
             if label == UNDECIDED and traps.cells is not None:
                 from saltus.ensemble.kernels.lanes import after_visit
@@ -221,7 +221,7 @@ class MapEnsemble:
         return int(label)
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        return np.ascontiguousarray(checked_points(points, self.system.states))
+        return np.ascontiguousarray(wrapped(checked_points(points, self.system.states), self.system.angle_places))
 
     def _followed(
         self, points: ArrayLike, traps: Traps, longest: int
@@ -236,7 +236,7 @@ class MapEnsemble:
         )
         visits = 1 if traps.cells is None else traps.cells.visits
         settings = Settings(1.0, 1.0, 1.0, float(traps.limit), longest, visits)
-        regions, boxes, code = regions_of(traps, self.n), boxes_of(traps, self.n), self._code
+        regions, boxes, code = regions_of(traps, self.n, self.system.angle_places), boxes_of(traps, self.n), self._code
         table = _table_of(boxes)
 
         def follow(start: int, end: int) -> None:

@@ -66,7 +66,7 @@ def find_attractors(
     Attractors
         In the order of the system's `regimes`, then by the number of modes visited, without events first, by period,
         size and place. Names are the system's `regimes` by the modes visited, else the kinds, with " A", " B" where one
-        occurs twice.
+        occurs twice. Where an angle rotates, a name is ``rotation 1/2``: turns, over strobes or periods of a cycle.
 
     Raises
     ------
@@ -231,7 +231,7 @@ def _regime(system: Definition, found: Found) -> str:
 
 
 def _named(system: Definition, found: list[Found]) -> tuple[str, ...]:
-    return lettered([_regime(system, each) or each.kind for each in found])
+    return lettered([_regime(system, each) or each.name for each in found])
 
 
 def _assembled(
