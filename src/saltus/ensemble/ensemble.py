@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.ensemble.fallback import follow_alone
+from saltus.ensemble.fallback import Effort, follow_alone
 from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE, Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
@@ -81,6 +81,8 @@ class Ensemble:
         Motions so far that lanes could not follow.
     periods, periods_alone : int
         Periods that motions have been followed so far; those of them by the event-driven flow.
+    effort : Effort
+        Steps of the event-driven flow of a system without a phase, and how many it may take.
 
     Raises
     ------
@@ -126,6 +128,7 @@ class Ensemble:
         self.threads = threads or processors()
         self.work = np.zeros(2 * len(system.modes), np.int64)
         self.left_over, self.periods, self.periods_alone, self.rate = 0, 0, 0, 0.0
+        self.effort = Effort()
         if interval is None:
             self.rate = phase_rate(system, self.p, system.full_state(np.zeros(self.n)), 0)
         self.period = system.turn / self.rate if interval is None else interval
@@ -265,7 +268,7 @@ class Ensemble:
 
     def alone(self, x: NDArray[np.float64], traps: Traps, longest: int) -> int:
         """Return the label of one motion, followed by the event-driven flow at tolerance 1e-11."""
-        return follow_alone(self.system, self.parameters, x, -1, traps, longest, self.period)[0]
+        return follow_alone(self.system, self.parameters, x, -1, traps, longest, self.period, self.effort)[0]
 
     def _settled(
         self, points: ArrayLike, traps: Traps, longest: int, modes: ArrayLike | None = None
@@ -302,7 +305,7 @@ class Ensemble:
         self.left_over += len(alone)
         for i in alone:
             labels[i], strobes[i], ends[i], end_modes[i] = follow_alone(
-                self.system, self.parameters, x[i], int(modes[i]), traps, longest, self.period
+                self.system, self.parameters, x[i], int(modes[i]), traps, longest, self.period, self.effort
             )
         self.periods += int(strobes.sum())
         self.periods_alone += int(strobes[alone].sum())

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.ensemble.ensemble import boxes_of, checked_points, follow_pieces, limit_at, part_of, regions_of
+from saltus.ensemble.fallback import Effort
 from saltus.ensemble.labels import NOT_DONE, UNDECIDED, Boxes, Found, Motions, Settings
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
@@ -67,6 +68,8 @@ class MapEnsemble:
         Iterations made so far.
     left_over, periods_alone : int
         0: the loop follows all motions.
+    effort : Effort
+        Of none: the loop follows all motions.
     periods : int
         Iterations that motions have been followed so far.
 
@@ -98,7 +101,7 @@ class MapEnsemble:
         self.scale = np.ones(self.n) if scale is None else np.asarray(scale, dtype=np.float64)
         self.limit = limit_at(self.system, self.p, self.scale, limit)
         self.threads = threads or processors()
-        self.work = np.zeros(1, np.int64)
+        self.work, self.effort = np.zeros(1, np.int64), Effort()
         self.periods = 0
 
     @cached_property

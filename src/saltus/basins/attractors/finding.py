@@ -31,6 +31,8 @@ __all__ = ["attractors_from", "find_attractors", "search_of"]
 # Digits of a place, in half widths of the region, by which attractors are sorted: a point's, a sample mean's.
 _DIGITS = (7, 2)
 
+_TOLD = 8  # motions that have not settled whose last states are kept
+
 
 def find_attractors(
     system: HybridSystem | Map,
@@ -252,6 +254,8 @@ def _assembled(
     names = names or _named(search.system, found)
     labels, periods = search.ensemble.settle(starts, built.with_virtual, built.longest)
     labels[(labels >= len(found)) & (labels < DIVERGED)] = UNDECIDED
+    lost = starts[labels == UNDECIDED][:_TOLD]
+    _, unsettled, _ = search.ensemble.arrivals(lost, built.with_virtual, built.longest)
     search.reporter.finish()
     outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}
     return Attractors(
@@ -270,4 +274,5 @@ def _assembled(
         {name: each.decay for name, each in zip(names, found, strict=True) if math.isfinite(each.decay)},
         int(periods[labels < DIVERGED].max(initial=0)),
         tuple(search.scale.tolist()),
+        unsettled,
     )

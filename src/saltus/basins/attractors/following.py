@@ -108,6 +108,8 @@ class FollowedMotions:
             )
             for tolerance in (self.options.tolerance, _PRECISE)
         )
+        second.effort = first.effort
+        first.effort.most = self.options.max_steps
         return first, second
 
     def _way(self, start: NDArray[np.float64]) -> NDArray[np.float64]:

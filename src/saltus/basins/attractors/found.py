@@ -23,13 +23,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-__all__ = ["LIMIT_CYCLE", "NEAR", "REST", "SAME", "AttractorOptions", "Found", "Stay", "renamed"]
+__all__ = ["FEWEST_SAMPLES", "LIMIT_CYCLE", "NEAR", "REST", "SAME", "AttractorOptions", "Found", "Stay", "renamed"]
 
 LIMIT_CYCLE = "limit cycle"  # kind of a periodic orbit of a system without a phase
 REST = "rest"  # kind of an equilibrium
 
 NEAR = 1e-3  # distance, over the states' scale, within which a motion recurs or is on an attractor
 SAME = 1e-6  # distance, over the states' scale, within which two orbits are one
+
+FEWEST_SAMPLES = 1000  # default samples of a region, at least
 
 # Counts of a search in files of version 0.1 and before, and their names today.
 _COUNTS = {"seeds": "starts", "motions": "motions"}
@@ -69,6 +71,9 @@ class AttractorOptions:
     limit : float, optional
         Size beyond which a state that grows has diverged. By default a million, or a million times the region's half
         width or the largest size of the problem, as in `simulate`.
+    max_steps : int
+        Steps that all motions of a system without a phase may take which lanes cannot follow, as those of stiff
+        systems. A search that needs more raises a `StiffnessError`, where this can be foreseen, at once.
     criteria : Criteria
         Criteria that tell quasi-periodic from chaotic motions.
 
@@ -89,10 +94,11 @@ class AttractorOptions:
     safety: float = 0.8
     tolerance: float = 1e-8
     limit: float | None = None
+    max_steps: int = 100_000_000
     criteria: Criteria = field(default_factory=Criteria)
 
     def __post_init__(self) -> None:
-        for name in ("starts", "longest", *(["motions"] if self.motions is not None else [])):
+        for name in ("starts", "longest", "max_steps", *(["motions"] if self.motions is not None else [])):
             count = checks.size if name == "starts" else checks.count
             object.__setattr__(self, name, count(f"AttractorOptions.{name}", getattr(self, name)))
         also = checks.listed("AttractorOptions.also", self.also, "states")

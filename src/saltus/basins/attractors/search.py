@@ -32,11 +32,11 @@ from saltus.basins.attractors.contraction import (
     preserves,
     shrinking,
 )
-from saltus.basins.attractors.found import LIMIT_CYCLE, NEAR, REST, SAME, Found, Stay
+from saltus.basins.attractors.found import FEWEST_SAMPLES, LIMIT_CYCLE, NEAR, REST, SAME, Found, Stay
 from saltus.basins.attractors.pace import approach
 from saltus.basins.attractors.periodic import LONGEST, MOST_ATTEMPTS, PeriodicSearch, in_order
 from saltus.ensemble.traps import DIVERGED, Traps
-from saltus.errors import SaltusError
+from saltus.errors import SaltusError, StiffnessError
 from saltus.flow.motion_kind import UNRESOLVED, classify
 from saltus.orbits import PeriodicOrbit, orbit_near
 from saltus.orbits.stability.floquet import nontrivial
@@ -68,6 +68,9 @@ _TRANSIENTS = 16  # transients found after which only periodic orbits count: a g
 _LONGER = 4  # times as many strobes decide whether volumes keep their size
 _NEUTRAL = 4  # motions of constant volume after which only periodic orbits count
 
+_PILOTS = 4  # starts whose motions tell how many steps a strobe takes
+_SAMPLED = 16  # strobes for which each sample of a region is followed, about
+
 _FOLLOWED = "looking for attractors"  # what a report says of motions from the starts
 
 
@@ -82,6 +85,7 @@ class AttractorSearch(PeriodicSearch):
 
     def follow(self, x: NDArray[np.float64]) -> None:
         """Follow motions from given states until each has settled or is given up."""
+        self._check_effort(x)
         self.find_caged()
         if not self.found:
             check_contraction(self.ensemble, x, self.options.longest)
@@ -89,6 +93,26 @@ class AttractorSearch(PeriodicSearch):
         if self.neutral and not self.found:
             where = f"along {self.neutral} motions"
             raise nothing_attracts(self.system.name, self.parameters, where, self.options.longest)
+
+    def _check_effort(self, x: NDArray[np.float64]) -> None:
+        """Raise `StiffnessError` where a search must take more steps than it may: of some starts, followed to a look.
+
+        It follows all starts for a stretch, and samples of a region until they are there.
+        """
+        effort, pilots = self.ensemble.effort, x[:: -(-len(x) // _PILOTS)]
+        most = effort.most
+        if most == math.inf:
+            return
+        strobes = len(x) * (_STRIDE + 2 * LONGEST) + (self.options.samples or FEWEST_SAMPLES) * _SAMPLED
+        effort.most = effort.steps + len(pilots) * math.ceil(most / strobes)
+        try:
+            self.ensemble.strobe(pilots)
+        except StiffnessError as error:
+            needed = f"a search from {len(x)} starts needs {strobes} intervals, with {most:g} steps (max_steps) in all"
+            told = "; ".join(filter(None, (str(error.args[4]), needed)))
+            raise StiffnessError(error.time, error.state, error.mode, error.steps, told, error.stiff) from None
+        finally:
+            effort.most = most
 
     def settle(self, x: NDArray[np.float64]) -> None:
         """Follow motions from given states until each has settled on an attractor, known or new, or is given up."""
