@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.ensemble.fallback import follow_alone
+from saltus.ensemble.fallback import Effort, follow_alone
 from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE, Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
@@ -21,7 +21,7 @@ from saltus.flow.shares import limit_of
 from saltus.flow.starting import allowed_modes, phase_rate, starting_mode
 from saltus.flow.transition_rows import jumps_at_phase_zero
 from saltus.flow.variational import Average, Growth, growth_along
-from saltus.system.angles import refuse
+from saltus.system.angles import wrapped
 from saltus.system.own_states import absent_states
 from saltus.work import processors, starting
 
@@ -81,6 +81,8 @@ class Ensemble:
         Motions so far that lanes could not follow.
     periods, periods_alone : int
         Periods that motions have been followed so far; those of them by the event-driven flow.
+    effort : Effort
+        Steps of the event-driven flow of a system without a phase, and how many it may take.
 
     Raises
     ------
@@ -109,7 +111,6 @@ class Ensemble:
         limit: float | None = None,
         threads: int | None = None,
     ) -> None:
-        refuse(system.angles, "an ensemble")
         if (interval is None) == (system.phase is None):
             hint = "the time between two looks at a motion, about its period, as BasinOptions(interval=1.0)"
             allowed = "given for a system without a phase, and for no other"
@@ -127,6 +128,7 @@ class Ensemble:
         self.threads = threads or processors()
         self.work = np.zeros(2 * len(system.modes), np.int64)
         self.left_over, self.periods, self.periods_alone, self.rate = 0, 0, 0, 0.0
+        self.effort = Effort()
         if interval is None:
             self.rate = phase_rate(system, self.p, system.full_state(np.zeros(self.n)), 0)
         self.period = system.turn / self.rate if interval is None else interval
@@ -266,7 +268,7 @@ class Ensemble:
 
     def alone(self, x: NDArray[np.float64], traps: Traps, longest: int) -> int:
         """Return the label of one motion, followed by the event-driven flow at tolerance 1e-11."""
-        return follow_alone(self.system, self.parameters, x, -1, traps, longest, self.period)[0]
+        return follow_alone(self.system, self.parameters, x, -1, traps, longest, self.period, self.effort)[0]
 
     def _settled(
         self, points: ArrayLike, traps: Traps, longest: int, modes: ArrayLike | None = None
@@ -281,7 +283,7 @@ class Ensemble:
         return starts
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        return checked_points(points, self.system.states)
+        return wrapped(checked_points(points, self.system.states), self.system.angle_places)
 
     def _followed(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], traps: Traps, longest: int, *, growth: bool
@@ -297,13 +299,13 @@ class Ensemble:
                 itol, 1.0 / _GROWTH if growth else 1.0, min(1.0 / _largest_tolerance(traps), itol),
                 float(traps.limit), longest, visits,
             )  # fmt: skip
-            regions, boxes = regions_of(traps, self.n), boxes_of(traps, self.n)
+            regions, boxes = regions_of(traps, self.n, self.system.angle_places), boxes_of(traps, self.n)
             self._run(Motions(x, modes), regions, boxes, settings, Found(labels, strobes, ends, end_modes))
         alone = np.flatnonzero(labels == LEFT_OVER)
         self.left_over += len(alone)
         for i in alone:
             labels[i], strobes[i], ends[i], end_modes[i] = follow_alone(
-                self.system, self.parameters, x[i], int(modes[i]), traps, longest, self.period
+                self.system, self.parameters, x[i], int(modes[i]), traps, longest, self.period, self.effort
             )
         self.periods += int(strobes.sum())
         self.periods_alone += int(strobes[alone].sum())
@@ -331,6 +333,8 @@ class Ensemble:
 
     @cached_property
     def _linear(self) -> dict[int, LinearPart]:
+        if self.system.angles:
+            return {}  # a whole turn is not taken away from amplitudes
         return linear_parts(self.system, self.p, self.rate, self.period)
 
     @cached_property
@@ -422,8 +426,8 @@ def part_of(record: Any, start: int, end: int) -> Any:
     return type(record)(*(array[start:end] for array in record))
 
 
-def regions_of(traps: Traps, n: int) -> Regions:
-    """Return trapping regions as kernels read them."""
+def regions_of(traps: Traps, n: int, circles: NDArray[np.int64]) -> Regions:
+    """Return trapping regions as kernels read them, and the places of the states on a circle."""
     labels = []
     cages = np.empty((0, 2 + n))
     if (c := traps.cages) is not None:
@@ -437,7 +441,7 @@ def regions_of(traps: Traps, n: int) -> Regions:
         parts = (e.modes, e.centres, e.shapes, planes)
         ellipsoids = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1, dtype=np.float64)
         labels.append(e.labels)
-    return Regions(cages, ellipsoids, np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64))
+    return Regions(cages, ellipsoids, np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64), circles)
 
 
 def boxes_of(traps: Traps, n: int) -> Boxes:

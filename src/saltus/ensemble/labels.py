@@ -107,11 +107,12 @@ class Motions(NamedTuple):
 
 
 class Regions(NamedTuple):
-    """Trapping regions as `saltus.ensemble.kernels.lanes.fate` reads them."""
+    """Trapping regions as `saltus.ensemble.kernels.lanes.fate` reads them, and the places of the states on a circle."""
 
     cages: NDArray[np.float64]
     ellipsoids: NDArray[np.float64]
     labels: NDArray[np.int64]
+    circles: NDArray[np.int64]
 
 
 class Boxes(NamedTuple):

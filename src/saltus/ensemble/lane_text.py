@@ -83,15 +83,21 @@ class LaneText(Writer):
     def two_sided(self) -> set[int]:
         """Events with a direction whose surface a motion may pass without a transition.
 
-        Their condition fails, or the phase alone comes back to the surface from the other side, or nothing changes.
+        Their condition fails, or a phase or an angle comes back to the surface from the other side, or nothing changes.
         """
         s, about = self.system, {pool.form.transition for pool in self.pools if pool.form is not None}
         return {
             k
             for k, transition in enumerate(s.system.transitions)
-            if (s.when[k] != 1 or at_phases(s.system, transition) or self.is_counted(k))
+            if (s.when[k] != 1 or self.comes_round(k) or self.is_counted(k))
             and transition.direction and k not in about and k not in self.touches
         }  # fmt: skip
+
+    def comes_round(self, k: int) -> bool:
+        """Whether a motion that goes on comes back to the surface of a transition: it is at phases, or at angles."""
+        s = self.system
+        angles = {s.x[place] for place in s.system.angle_places}
+        return at_phases(s.system, s.system.transitions[k]) or bool(angles & s.event[k].free_symbols)
 
     def is_counted(self, k: int) -> bool:
         """Whether a transition changes nothing, as a section does: a motion goes on beyond its surface."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.ensemble.ensemble import boxes_of, checked_points, follow_pieces, limit_at, part_of, regions_of
+from saltus.ensemble.fallback import Effort
 from saltus.ensemble.labels import NOT_DONE, UNDECIDED, Boxes, Found, Motions, Settings
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
@@ -17,7 +18,7 @@ from saltus.flow.variational import Average, Growth
 from saltus.maps.code import MapCode, code_of
 from saltus.maps.growth import growth_of_map
 from saltus.maps.iterates import path_from
-from saltus.system.angles import refuse
+from saltus.system.angles import wrapped
 from saltus.system.tiling import pieces_error
 from saltus.work import processors
 
@@ -67,6 +68,8 @@ class MapEnsemble:
         Iterations made so far.
     left_over, periods_alone : int
         0: the loop follows all motions.
+    effort : Effort
+        Of none: the loop follows all motions.
     periods : int
         Iterations that motions have been followed so far.
 
@@ -92,14 +95,13 @@ class MapEnsemble:
         limit: float | None = None,
         threads: int | None = None,
     ) -> None:
-        refuse(system.angles, "an ensemble")
         self.system, self.parameters = system, checks.mapping("parameters", parameters, "names to numbers, or None")
         self.p = system.parameter_vector(self.parameters)
         self.n = len(system.states)
         self.scale = np.ones(self.n) if scale is None else np.asarray(scale, dtype=np.float64)
         self.limit = limit_at(self.system, self.p, self.scale, limit)
         self.threads = threads or processors()
-        self.work = np.zeros(1, np.int64)
+        self.work, self.effort = np.zeros(1, np.int64), Effort()
         self.periods = 0
 
     @cached_property
@@ -212,7 +214,8 @@ class MapEnsemble:
         for _ in range(longest):
             if label != UNDECIDED:
                 break
-            x = self.system.compiled.linearised(self.system.piece_index(x, self.p), x, extended)[0]
+            image = self.system.compiled.linearised(self.system.piece_index(x, self.p), x, extended)[0]
+            x = wrapped(image, self.system.angle_places)
             label = traps.of(x, 0)
             if label == UNDECIDED and traps.cells is not None:
                 from saltus.ensemble.kernels.lanes import after_visit
@@ -221,7 +224,7 @@ class MapEnsemble:
         return int(label)
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        return np.ascontiguousarray(checked_points(points, self.system.states))
+        return np.ascontiguousarray(wrapped(checked_points(points, self.system.states), self.system.angle_places))
 
     def _followed(
         self, points: ArrayLike, traps: Traps, longest: int
@@ -236,7 +239,7 @@ class MapEnsemble:
         )
         visits = 1 if traps.cells is None else traps.cells.visits
         settings = Settings(1.0, 1.0, 1.0, float(traps.limit), longest, visits)
-        regions, boxes, code = regions_of(traps, self.n), boxes_of(traps, self.n), self._code
+        regions, boxes, code = regions_of(traps, self.n, self.system.angle_places), boxes_of(traps, self.n), self._code
         table = _table_of(boxes)
 
         def follow(start: int, end: int) -> None:

@@ -150,7 +150,7 @@ class LaneWriter(LaneText):
                 if direction and k not in self.two_sided:
                     lines.append(f"        value = {-float(direction)!r}*value")
                 else:
-                    if direction and not (at_phases(s.system, s.system.transitions[k]) or self.is_counted(k)):
+                    if direction and not (self.comes_round(k) or self.is_counted(k)):
                         # beyond it a motion lands only where the condition fails
                         passed = f"{float(direction)!r}*value > 0.0 and {self.text_of(s.when[k], names)} > 0.0"
                         lines += [f"        if not on & {self.same_mode} and {passed}:", f"            return {HARD}"]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from saltus.checks.states import StateLike
 
-__all__ = ["Iterates", "iterate", "path_from", "wound_path"]
+__all__ = ["Iterates", "iterate", "keeps_turns", "path_from", "wound_path"]
 
 _RUNS = 8  # stretches of an itinerary that a `repr` lists
 
@@ -238,7 +238,7 @@ def iterate(
     kept, dropped = checks.size("n", n, 0), checks.count("discard", discard, 0)
     p = system.parameter_vector(parameters)
     states, pieces, turns = wound_path(system, p, code_of(system, p), x, dropped, kept + 1)
-    if turns.any() and _keeps_turns(system, p, states, pieces):
+    if turns.any() and keeps_turns(system, p, states, pieces):
         states[:, system.angle_places] += TURN * turns
     return Iterates(system, system.resolve(parameters), dropped, states, pieces)
 
@@ -283,8 +283,8 @@ def wound_path(
         made += some
 
 
-def _keeps_turns(system: Map, p: NDArray[np.float64], states: NDArray[np.float64], pieces: NDArray[np.int64]) -> bool:
-    """Whether a turn of each angle is a turn of its image, and of no other angle: then turns can be counted.
+def keeps_turns(system: Map, p: NDArray[np.float64], states: NDArray[np.float64], pieces: NDArray[np.int64]) -> bool:
+    """Return whether a turn of each angle is a turn of its image, and of no other angle: then turns can be counted.
 
     It is looked at in each piece that a motion visits, at the first state there.
     """

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import InputError
-
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["TURN", "on_circles", "refuse", "wrapped"]
+__all__ = ["TURN", "on_circles", "wrapped"]
 
 TURN = 2.0 * math.pi
 
@@ -33,13 +31,6 @@ def wrapped(states: ArrayLike, places: NDArray[np.int64]) -> NDArray[np.float64]
         outside = ~((angle >= -math.pi) & (angle < math.pi))
         moved[..., places] = np.where(outside, angle - TURN * np.floor(angle / TURN + 0.5), angle)
     return moved
-
-
-def refuse(angles: tuple[str, ...], what: str) -> None:
-    """Raise `InputError` where a system has angles, which `what` does not know."""
-    if angles:
-        hint = f"{what} compares states as they are, not modulo 2 pi; orbits, branches and sweeps know angles"
-        raise InputError("angles", angles, "left out of a system whose motions are followed many at once", hint)
 
 
 def on_circles(

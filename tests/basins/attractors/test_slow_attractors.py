@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 import pytest
 
-from saltus import HybridSystem, InputError, Map, Piece, find_attractors, map_basins
+from saltus import HybridSystem, InputError, Map, Piece, find_attractors, load, map_basins
 from saltus.basins.attractors.pace import approach
+from saltus.ensemble.ensemble import Ensemble
+from saltus.errors import StiffnessError
 from saltus.options import AttractorOptions
 from selection import guarding
 
@@ -165,3 +168,40 @@ def test_tori_of_nose_and_hoover_are_no_attractors(interval):
     options = AttractorOptions(interval=interval, starts=16, samples=100)
     with pytest.raises(InputError, match="one with attractors"):
         find_attractors(thermostat, {}, {"x": (-2, 2), "y": (-2, 2), "z": (-1, 1)}, options=options)
+
+
+@pytest.mark.parametrize("rate", guarding([1e5, 1e8], 1e8))
+def test_a_search_that_cannot_be_made_is_refused_at_once(rate):
+    """y decays at the rate to x^2; x = 0 is an invariant plane, past which implicit steps would carry."""
+    stiff = HybridSystem.smooth({"x": "x - x**3", "y": f"-{rate!r}*(y - x**2)"})
+    options = AttractorOptions(starts=32, samples=200, interval=1.0)
+    began = time.monotonic()
+    with pytest.raises(StiffnessError, match=r"it is stiff there.*6272 intervals, with 1e\+08 steps \(max_steps\)"):
+        find_attractors(stiff, {}, {"x": (-2, 2), "y": (-2, 2)}, options=options)
+    assert time.monotonic() - began < 60.0
+
+
+def test_motions_beside_lanes_end_with_the_steps_that_all_may_take():
+    ensemble = Ensemble(HybridSystem.smooth({"x": "x - x**3", "y": "-1e5*(y - x**2)"}), interval=1.0)
+    ensemble.strobe([[0.5, 0.0]])
+    first = ensemble.effort.steps
+    assert first > 1000
+    ensemble.effort.most = 3 * first
+    with pytest.raises(StiffnessError, match="steps took the motion only to"):
+        ensemble.strobe([[0.5, 0.0]] * 4)
+    assert ensemble.effort.steps < 4 * first
+
+
+def test_motions_that_settle_nowhere_are_told_with_their_places(tmp_path):
+    """x -> x - x^3/2 comes to 0 like 1/sqrt(n), beside a rest at 3 of the factor 1/2."""
+    pieces = {"lower": Piece({"x": "x - x**3/2"}, where="1 - x"), "upper": Piece({"x": "(x + 3)/2"}, where="x - 1")}
+    half = Map(("x",), {}, pieces=pieces)
+    found = find_attractors(half, {}, {"x": (-1, 4)}, options=AttractorOptions(starts=32, samples=100, longest=600))
+    assert found.names == ("period-1",)
+    assert found.fates["undecided"] > 8
+    assert found.unsettled.shape == (8, 1)
+    assert np.all(np.abs(found.unsettled) < 0.05)
+    assert f"{found.fates['undecided']} of 32 motions" in repr(found)
+    assert "such are at [" in repr(found)
+    found.save(tmp_path / "found.nc")
+    assert np.array_equal(load(tmp_path / "found.nc").unsettled, found.unsettled)

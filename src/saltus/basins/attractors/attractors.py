@@ -80,6 +80,9 @@ class Attractors(Result):
         Asymptotic factor by which distances from an attractor shrink in a period, where there are multipliers.
     slowest : int
         Periods after which the last of the motions from `region` was in a trapping region.
+    unsettled : ndarray, shape (k, n)
+        States at which some of the motions from `region` are that reached no trapping region in time, 8 at most. NaN
+        where one could not be followed so long.
     scale : tuple of float or None
         Size of each state: half the region's width, or for a frozen state the distance that motions go.
     measured_error : float
@@ -110,12 +113,14 @@ class Attractors(Result):
     decays: Mapping[str, float] = field(default_factory=dict)
     slowest: int = 0
     scale: tuple[float, ...] | None = None
+    unsettled: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
         for name in ("parameters", "region", "kinds", "orbits", "notes", "fates", "decays"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         points = {name: frozen(value) for name, value in self.points.items()}
         object.__setattr__(self, "points", MappingProxyType(points))
+        object.__setattr__(self, "unsettled", frozen(np.reshape(self.unsettled, (-1, len(self.system.states)))))
 
     @property
     def labels(self) -> dict[str, int]:
@@ -172,6 +177,8 @@ class Attractors(Result):
             orbit_attrs[name] = dict(own.attrs)
             own = own.rename({str(old): f"{key}{old}" for old in (*own.variables, *own.dims)})
             dataset = dataset.merge(own.drop_attrs(deep=False))
+        if self.unsettled.size:
+            dataset["unsettled"] = (("motion", "state"), np.array(self.unsettled))
         dataset.attrs = {
             "definition": json.dumps(self.system.definition()),
             "parameters": json.dumps(dict(self.parameters)),
@@ -233,6 +240,7 @@ class Attractors(Result):
             said["fates"],
             held.number("measured_error", least=0.0, finite=False),
             *_patience(held, names, len(system.states)),
+            *([held.array("unsettled", ("motion", "state"), finite=False)] if "unsettled" in held.dataset else []),
         )
 
     def __repr__(self) -> str:
@@ -244,6 +252,9 @@ class Attractors(Result):
             lines.append(
                 f"  {undecided} of {sum(self.fates.values())} motions from the region reach no trapping region"
             )
+            stay = [", ".join(f"{value:.6g}" for value in x) for x in self.unsettled if np.isfinite(x).all()]
+            if stay:
+                lines.append(f"     such are at {', '.join(f'[{place}]' for place in stay)} in the end")
         return "\n".join(lines)
 
 

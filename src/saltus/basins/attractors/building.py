@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.basins.attractors.found import LIMIT_CYCLE
+from saltus.basins.attractors.found import FEWEST_SAMPLES, LIMIT_CYCLE
 from saltus.basins.attractors.pace import SAFETY, WORTH, approach
 from saltus.basins.attractors.trap_growth import LEFT_OVER, SOON, Enlarging, pieces
 from saltus.basins.attractors.trapping import CONTRACTING, OrbitEllipsoids
@@ -45,7 +45,6 @@ _REGION_SAMPLES = 5  # samples of an ellipsoid for each motion that checks the b
 
 _TIMES = 6.0  # time for measuring regions, planes aside, over the time for labelling all motions, at most
 
-_FEWEST_SAMPLES = 1000  # default samples of a region, at least
 _MOST_SAMPLES = 20_000  # the same, at most
 
 _LEAST_SAMPLES = 100  # the same of attractors so slow that more would take minutes
@@ -76,7 +75,7 @@ class Building:
         self.wholes: dict[int, OrbitEllipsoids] = {}
         self.ellipsoids: dict[int, OrbitEllipsoids] = {}
         self.cells: Cells | None = None
-        self.samples = _FEWEST_SAMPLES
+        self.samples = FEWEST_SAMPLES
         # strobes for which motions are followed: as given, or as long as the slowest attractor asks for
         slowest = max((approach(each.decay, _FAR) for each in found), default=0)
         worth = int(search.budget / max(search.options.starts, 1))
@@ -174,7 +173,7 @@ class Building:
         labelled = self._labelled(self.wholes, longest)
         left = _TIMES * labelled - spent
         cost = _TO_THE_CORE * each + _ENTRIES * labelled / search.motions
-        return min(int(np.clip(left / max(cost, 1.0), _FEWEST_SAMPLES, _MOST_SAMPLES)), most)
+        return min(int(np.clip(left / max(cost, 1.0), FEWEST_SAMPLES, _MOST_SAMPLES)), most)
 
     def _labelled(self, regions: Mapping[int, OrbitEllipsoids], longest: int) -> float:
         """Return the periods of lanes to label all motions with given regions, estimated from a few motions."""

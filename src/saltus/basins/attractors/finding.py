@@ -31,6 +31,8 @@ __all__ = ["attractors_from", "find_attractors", "search_of"]
 # Digits of a place, in half widths of the region, by which attractors are sorted: a point's, a sample mean's.
 _DIGITS = (7, 2)
 
+_TOLD = 8  # motions that have not settled whose last states are kept
+
 
 def find_attractors(
     system: HybridSystem | Map,
@@ -66,7 +68,7 @@ def find_attractors(
     Attractors
         In the order of the system's `regimes`, then by the number of modes visited, without events first, by period,
         size and place. Names are the system's `regimes` by the modes visited, else the kinds, with " A", " B" where one
-        occurs twice.
+        occurs twice. Where an angle rotates, a name is ``rotation 1/2``: turns, over strobes or periods of a cycle.
 
     Raises
     ------
@@ -231,7 +233,7 @@ def _regime(system: Definition, found: Found) -> str:
 
 
 def _named(system: Definition, found: list[Found]) -> tuple[str, ...]:
-    return lettered([_regime(system, each) or each.kind for each in found])
+    return lettered([_regime(system, each) or each.name for each in found])
 
 
 def _assembled(
@@ -252,6 +254,8 @@ def _assembled(
     names = names or _named(search.system, found)
     labels, periods = search.ensemble.settle(starts, built.with_virtual, built.longest)
     labels[(labels >= len(found)) & (labels < DIVERGED)] = UNDECIDED
+    lost = starts[labels == UNDECIDED][:_TOLD]
+    _, unsettled, _ = search.ensemble.arrivals(lost, built.with_virtual, built.longest)
     search.reporter.finish()
     outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}
     return Attractors(
@@ -270,4 +274,5 @@ def _assembled(
         {name: each.decay for name, each in zip(names, found, strict=True) if math.isfinite(each.decay)},
         int(periods[labels < DIVERGED].max(initial=0)),
         tuple(search.scale.tolist()),
+        unsettled,
     )

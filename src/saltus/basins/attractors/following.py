@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -67,6 +68,7 @@ class FollowedMotions:
     ) -> None:
         self.system, self.parameters, self.options = system, dict(parameters or {}), options
         self.low, self.high, self.interval = low, high, options.interval
+        self.circles = system.angle_places
         self.scale = self._sizes()
         self.p = system.parameter_vector(self.parameters)
         self.limit = self._limit()
@@ -106,6 +108,8 @@ class FollowedMotions:
             )
             for tolerance in (self.options.tolerance, _PRECISE)
         )
+        second.effort = first.effort
+        first.effort.most = self.options.max_steps
         return first, second
 
     def _way(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -116,16 +120,20 @@ class FollowedMotions:
         return np.asarray(np.abs(states - start).max(axis=0))
 
     def _sizes(self) -> NDArray[np.float64]:
-        """Return the size of each state: half the region's width, or for a frozen state the distance motions go."""
+        """Return the size of each state: half the region's width, or for a frozen state the distance motions go.
+
+        That of an angle is half a turn at most.
+        """
         half = 0.5 * (self.high - self.low)
-        if (half > 0.0).all():
-            return np.asarray(half)
-        gone = []
-        for part in _PLACES:
-            with suppress(SaltusError):
-                gone.append(self._way(self.low + part * (self.high - self.low)))
-        sizes = np.median(gone, axis=0) if gone else half
-        return np.where(half > 0.0, half, np.where(sizes > 0.0, sizes, half.max() or 1.0))
+        if not (half > 0.0).all():
+            gone = []
+            for part in _PLACES:
+                with suppress(SaltusError):
+                    gone.append(self._way(self.low + part * (self.high - self.low)))
+            sizes = np.median(gone, axis=0) if gone else half
+            half = np.where(half > 0.0, half, np.where(sizes > 0.0, sizes, half.max() or 1.0))
+        half[self.circles] = np.minimum(half[self.circles], math.pi)  # nothing on a circle is farther away
+        return np.asarray(half)
 
     @cached_property
     def by_mode(self) -> bool:

@@ -17,18 +17,21 @@ from saltus.basins.attractors.trapping import (
 )
 from saltus.flow.recurring.criteria import Criteria
 from saltus.orbits import PeriodicOrbit
+from saltus.system.angles import on_circles, wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-__all__ = ["LIMIT_CYCLE", "NEAR", "REST", "SAME", "AttractorOptions", "Found", "Stay", "renamed"]
+__all__ = ["FEWEST_SAMPLES", "LIMIT_CYCLE", "NEAR", "REST", "SAME", "AttractorOptions", "Found", "Stay", "renamed"]
 
 LIMIT_CYCLE = "limit cycle"  # kind of a periodic orbit of a system without a phase
 REST = "rest"  # kind of an equilibrium
 
 NEAR = 1e-3  # distance, over the states' scale, within which a motion recurs or is on an attractor
 SAME = 1e-6  # distance, over the states' scale, within which two orbits are one
+
+FEWEST_SAMPLES = 1000  # default samples of a region, at least
 
 # Counts of a search in files of version 0.1 and before, and their names today.
 _COUNTS = {"seeds": "starts", "motions": "motions"}
@@ -68,6 +71,9 @@ class AttractorOptions:
     limit : float, optional
         Size beyond which a state that grows has diverged. By default a million, or a million times the region's half
         width or the largest size of the problem, as in `simulate`.
+    max_steps : int
+        Steps that all motions of a system without a phase may take which lanes cannot follow, as those of stiff
+        systems. A search that needs more raises a `StiffnessError`, where this can be foreseen, at once.
     criteria : Criteria
         Criteria that tell quasi-periodic from chaotic motions.
 
@@ -88,10 +94,11 @@ class AttractorOptions:
     safety: float = 0.8
     tolerance: float = 1e-8
     limit: float | None = None
+    max_steps: int = 100_000_000
     criteria: Criteria = field(default_factory=Criteria)
 
     def __post_init__(self) -> None:
-        for name in ("starts", "longest", *(["motions"] if self.motions is not None else [])):
+        for name in ("starts", "longest", "max_steps", *(["motions"] if self.motions is not None else [])):
             count = checks.size if name == "starts" else checks.count
             object.__setattr__(self, name, count(f"AttractorOptions.{name}", getattr(self, name)))
         also = checks.listed("AttractorOptions.also", self.also, "states")
@@ -157,6 +164,7 @@ class Found:
     ellipsoid: OrbitEllipsoids | None = None  # ellipsoids in which motions contract
     core: OrbitEllipsoids | None = None  # smaller ellipsoids in which motions count as settled
     stay: Stay | None = None  # stay of motions, where measured
+    turns: tuple[int, ...] = ()  # whole turns that each angle of the system makes until the attractor recurs
     decay: float = math.nan  # asymptotic factor by which distances shrink from strobe to strobe, NaN where unknown
 
     @property
@@ -166,11 +174,19 @@ class Found:
             return 1
         return int(self.kind.removeprefix("period-")) if self.kind.startswith("period-") else 0
 
+    @property
+    def name(self) -> str:
+        """Its rotation number where an angle rotates, turns over strobes or periods of a cycle; else its kind."""
+        if not any(self.turns):
+            return self.kind
+        turns = str(self.turns[0]) if len(self.turns) == 1 else f"({', '.join(map(str, self.turns))})"
+        return f"rotation {turns}/{self.period or 1}"
+
     def along(self, count: int) -> NDArray[np.float64]:
         """Return states all along the orbit, shape (about `count`, n); none without an orbit."""
         if self.orbit is None:
             return np.empty((0, self.points.shape[1]))
-        return np.asarray(self.orbit.states_along(count)[1])
+        return wrapped(self.orbit.states_along(count)[1], self.orbit.system.angle_places)
 
     def holds(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which states, shape (m, n), in given modes, are certain to end on this attractor."""
@@ -181,16 +197,19 @@ class Found:
             held |= (modes == self.cage.mode) & (self.cage.sizes(x) < self.cage.bound)
         return held
 
-    def carries(self, path: NDArray[np.float64], scale: NDArray[np.float64]) -> bool:
+    def carries(self, path: NDArray[np.float64], scale: NDArray[np.float64], circles: NDArray[np.int64]) -> bool:
         """Return whether a motion that visits some states, shape (k, n), is on this attractor, or creeps to it.
 
         A motion creeps to an orbit where it is near the orbit's points, measured by the scale or the orbit's extent.
+        `circles` are the places of the angles.
         """
         if self.kind == LIMIT_CYCLE and self.orbit is not None:  # its points are dense, the motion's may be few
-            return Cloud(self.points, scale).holds(path[-len(path) // 2 :])
+            return Cloud(self.points, scale, circles).holds(path[-len(path) // 2 :])
         if not self.period:
-            return Cloud(self.points, scale).same(path)
+            return Cloud(self.points, scale, circles).same(path)
         n, orbit = len(scale), self.orbit
         extent = np.ptp(self.points, axis=0) if orbit is None else (orbit.highs - orbit.lows)[:n]
         unit = np.clip(extent, EXTENT * scale, scale)
-        return float(distances(self.points / unit, path[-2 * self.period :] / unit).max()) < NEAR
+        own, units = on_circles(self.points, unit, circles)
+        its = on_circles(path[-2 * self.period :], unit, circles)[0]
+        return float(distances(own / units, its / units).max()) < NEAR

@@ -12,6 +12,8 @@ from saltus.basins.attractors.search import AttractorSearch
 from saltus.basins.attractors.trapping import OrbitEllipsoids, largest_multiplier, metric_of
 from saltus.ensemble.map_ensemble import MapEnsemble
 from saltus.errors import InputError, MapDivergenceError
+from saltus.maps.iterates import keeps_turns
+from saltus.system.angles import TURN, wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,16 +61,26 @@ class MapSearch(AttractorSearch):
         points = self._solved(x, turns)
         if points is None:
             return None
-        apart = [float((np.abs(points[later] - points[0]) / self.scale).max()) for later in range(1, turns)]
+        apart = [float(np.abs(self._apart(points[later], points[0])).max()) for later in range(1, turns)]
         period = next((later for later, gap in enumerate(apart, 1) if turns % later == 0 and gap < SAME), turns)
         points = points[:period]
         decay = largest_multiplier(self._jacobians(points))
         if not decay < 1.0:
             return None
         pieces = frozenset(self.system.mode_names[self.system.piece_index(point, self.p)] for point in points)
-        return Found(
-            f"period-{period}", in_order(points, self.scale), None, pieces, False, decay=decay ** (1.0 / period)
-        )
+        points, decay = in_order(points, self.scale), decay ** (1.0 / period)
+        return Found(f"period-{period}", points, None, pieces, False, turns=self._turns(points), decay=decay)
+
+    def _turns(self, points: NDArray[np.float64]) -> tuple[int, ...]:
+        """Return the whole turns that each angle makes along an orbit; none where a turn is none of the image."""
+        pieces = np.array([self.system.piece_index(point, self.p) for point in points], np.int64)
+        if not self.circles.size or not keeps_turns(self.system, self.p, points, pieces):
+            return ()
+        images = np.array(
+            [self.system.image(point, parameters=self.parameters) - following
+             for point, following in zip(points, np.roll(points, -1, axis=0), strict=True)]
+        )  # fmt: skip
+        return tuple(np.rint(images[:, self.circles] / TURN).sum(axis=0).astype(int).tolist())
 
     def _solved(self, x: NDArray[np.float64], turns: int) -> NDArray[np.float64] | None:
         """Return the points of an orbit by Newton's method on the whole round; None where it does not converge."""
@@ -85,12 +97,12 @@ class MapSearch(AttractorSearch):
             matrix = (np.eye(len(x)) - slope) * self.scale / self.scale[:, None]
             if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > _SINGULAR:
                 return None
-            step = np.linalg.solve(matrix, (points[-1] - x) / self.scale)
+            step = np.linalg.solve(matrix, self._apart(points[-1], x))
             size = float(np.abs(step).max())
             unit = max(1.0, float((np.abs(x) / self.scale).max()))
             if size < _CONVERGED * unit or (size < _ROUNDING * unit and size >= 0.5 * before):
                 return points[:-1]
-            x, before = x + self.scale * step, size
+            x, before = wrapped(x + self.scale * step, self.circles), size
             if not self._bounded(x):
                 return None
         return None

@@ -33,12 +33,12 @@ class KnownAttractor(NamedTuple):
     ellipsoids: Ellipsoids | None
     label: int
 
-    def as_found(self) -> Found:
-        """Return it as a search knows it, whose motions have been followed."""
+    def as_found(self, circles: NDArray[np.int64]) -> Found:
+        """Return it as a search knows it, whose motions have been followed; `circles` are the places of the angles."""
         found = Found(self.kind, np.atleast_2d(self.points), self.orbit, frozenset(), touches=False)
         found.stay = Stay(0, 0.0, 0)
         if (e := self.ellipsoids) is not None and (own := e.labels == self.label).any():
-            found.core = OrbitEllipsoids(e.centres[own], e.shapes[own], 1.0, modes=e.modes[own])
+            found.core = OrbitEllipsoids(e.centres[own], e.shapes[own], 1.0, modes=e.modes[own], circles=circles)
         return found
 
 
@@ -65,7 +65,7 @@ def missed_by(
     """
     low, high = np.array(list(box.values()), dtype=np.float64).T
     search = search_of(system)(system, parameters, low, high, AttractorOptions(interval=interval))
-    before = [attractor.as_found() for attractor in known]
+    before = [attractor.as_found(system.angle_places) for attractor in known]
     search.found = list(before)
     admitted = starts[[search.ensemble.admits(x) for x in starts]]
     if not len(admitted):

@@ -23,6 +23,7 @@ from saltus.basins.attractors.trapping import (
 from saltus.errors import ConvergenceError, SaltusError
 from saltus.flow.event_logs import events_after
 from saltus.orbits import PeriodicOrbit, orbit_near, solve_orbit
+from saltus.system.angles import wrapped
 from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class PeriodicSearch(FollowedMotions):
     def find_caged(self) -> None:
         """Find the periodic orbit that each mode's cage holds."""
         system = flowing(self.system)
-        for index, mode in enumerate(system.mode_names):
+        for index, mode in enumerate([] if self.system.angles else system.mode_names):  # no circle is a modal amplitude
             cage = cage_of(system, self.parameters, mode)
             if cage is None:
                 continue
@@ -64,7 +65,7 @@ class PeriodicSearch(FollowedMotions):
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Hand recurrent motions to the orbit solver; return the motions that remain to be followed."""
         gaps = np.array(
-            [np.abs(path[turns:] - path[:-turns]).max(axis=0) / self.scale for turns in range(1, LONGEST + 1)]
+            [np.abs(self._apart(path[turns:], path[:-turns])).max(axis=0) for turns in range(1, LONGEST + 1)]
         ).max(axis=2)
         recurs = (gaps < NEAR).any(axis=0)
         turns = np.argmax(gaps < NEAR, axis=0) + 1
@@ -82,7 +83,7 @@ class PeriodicSearch(FollowedMotions):
                 remaining &= ~found.holds(x, modes)
             else:
                 attempts += 1
-            tried |= (np.abs(x - x[i]) / self.scale).max(axis=1) < _BESIDE
+            tried |= np.abs(self._apart(x, x[i])).max(axis=1) < _BESIDE
             tried[i] = True
         return x[remaining], modes[remaining]
 
@@ -110,7 +111,14 @@ class PeriodicSearch(FollowedMotions):
     def _alike(self, one: Found, other: Found) -> bool:
         if one.kind != other.kind or len(one.points) != len(other.points):
             return False
-        return float((np.abs(one.points - other.points) / self.scale).max()) < SAME
+        # the least of points that a circle's ends part may be another one
+        shifts = range(len(one.points) if self.circles.size else 1)
+        ways = (np.abs(self._apart(np.roll(one.points, k, axis=0), other.points)).max() for k in shifts)
+        return any(float(way) < SAME for way in ways)
+
+    def _apart(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the differences of states over their scales, those of angles half a turn at most."""
+        return wrapped(one - other, self.circles) / self.scale
 
     def _corrected(self, x: NDArray[np.float64], mode: int, turns: int) -> Found | None:
         """Return the stable periodic orbit near a motion, None without one."""
@@ -147,6 +155,7 @@ class PeriodicSearch(FollowedMotions):
         points, _ = self._strobes(orbit)
         points = in_order(points, self.scale)
         names = self.system.mode_names
+        turns = tuple(orbit.winding.values()) if self.system.angles else ()
         moved = (orbit.highs - orbit.lows)[: len(self.scale)] / self.scale
         touches = any(k >= 0 for k in orbit.form.transitions)
         still = not touches and float(moved.max()) < _STILL
@@ -156,14 +165,15 @@ class PeriodicSearch(FollowedMotions):
             orbit,
             frozenset(names[k] for k in orbit.form.modes),
             touches,
+            turns=turns,
             decay=float(np.abs(orbit.multipliers).max()) ** (1.0 / len(points)),
         )
 
     def _strobes(self, orbit: PeriodicOrbit) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return states and modes at phase 0, one for each period of the phase."""
-        x = orbit.x0[None, :]
+        x = wrapped(orbit.x0, self.circles)[None, :]
         mode = np.array([self.ensemble.starting_mode(orbit.x0)], np.int64)
-        points, modes = [orbit.x0], [mode[0]]
+        points, modes = [x[0]], [mode[0]]
         for _ in range(orbit.form.turns - 1):
             x, mode = self.precise.strobe(x, mode)
             points.append(x[0])
@@ -173,6 +183,8 @@ class PeriodicSearch(FollowedMotions):
     def contracts(self, found: Found) -> bool:
         """Give a periodic attractor the ellipsoid in which motions contract; return whether there is one."""
         metric = self._metric(found)
+        if metric is not None:
+            metric = replace(metric, circles=self.circles)
         if metric is not None and self.by_mode:
             modes = found.modes
             if modes is None:
@@ -214,7 +226,7 @@ class PeriodicSearch(FollowedMotions):
         """Return the stable equilibrium near a state of a system without a phase."""
         for _ in range(20):
             image, _ = self.precise.strobe(x[None], np.array([mode]))
-            apart = image[0] - x
+            apart = wrapped(image[0] - x, self.circles)
             if not np.isfinite(apart).all():
                 return None
             if np.max(np.abs(apart) / self.scale) < _REST:
@@ -222,7 +234,7 @@ class PeriodicSearch(FollowedMotions):
             slope = map_jacobians(self.precise, x[None], self.scale, np.array([mode]))[0] - np.eye(len(x))
             if not np.isfinite(slope).all() or np.linalg.cond(slope) > 1e6:
                 return None
-            x = x - np.linalg.solve(slope, apart)
+            x = wrapped(x - np.linalg.solve(slope, apart), self.circles)
         else:
             return None
         if self._speeds(x[None], np.array([mode]))[0] > SAME:

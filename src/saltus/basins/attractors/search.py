@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.basins.attractors.cloud import EXTENT, Cloud
+from saltus.basins.attractors.cloud import EXTENT, Cloud, extent_of
 from saltus.basins.attractors.contraction import (
     check_contraction,
     grows,
@@ -32,14 +32,15 @@ from saltus.basins.attractors.contraction import (
     preserves,
     shrinking,
 )
-from saltus.basins.attractors.found import LIMIT_CYCLE, NEAR, REST, SAME, Found, Stay
+from saltus.basins.attractors.found import FEWEST_SAMPLES, LIMIT_CYCLE, NEAR, REST, SAME, Found, Stay
 from saltus.basins.attractors.pace import approach
 from saltus.basins.attractors.periodic import LONGEST, MOST_ATTEMPTS, PeriodicSearch, in_order
 from saltus.ensemble.traps import DIVERGED, Traps
-from saltus.errors import SaltusError
+from saltus.errors import SaltusError, StiffnessError
 from saltus.flow.motion_kind import UNRESOLVED, classify
 from saltus.orbits import PeriodicOrbit, orbit_near
 from saltus.orbits.stability.floquet import nontrivial
+from saltus.system.angles import on_circles, wrapped
 from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
@@ -67,6 +68,9 @@ _TRANSIENTS = 16  # transients found after which only periodic orbits count: a g
 _LONGER = 4  # times as many strobes decide whether volumes keep their size
 _NEUTRAL = 4  # motions of constant volume after which only periodic orbits count
 
+_PILOTS = 4  # starts whose motions tell how many steps a strobe takes
+_SAMPLED = 16  # strobes for which each sample of a region is followed, about
+
 _FOLLOWED = "looking for attractors"  # what a report says of motions from the starts
 
 
@@ -81,6 +85,7 @@ class AttractorSearch(PeriodicSearch):
 
     def follow(self, x: NDArray[np.float64]) -> None:
         """Follow motions from given states until each has settled or is given up."""
+        self._check_effort(x)
         self.find_caged()
         if not self.found:
             check_contraction(self.ensemble, x, self.options.longest)
@@ -88,6 +93,26 @@ class AttractorSearch(PeriodicSearch):
         if self.neutral and not self.found:
             where = f"along {self.neutral} motions"
             raise nothing_attracts(self.system.name, self.parameters, where, self.options.longest)
+
+    def _check_effort(self, x: NDArray[np.float64]) -> None:
+        """Raise `StiffnessError` where a search must take more steps than it may: of some starts, followed to a look.
+
+        It follows all starts for a stretch, and samples of a region until they are there.
+        """
+        effort, pilots = self.ensemble.effort, x[:: -(-len(x) // _PILOTS)]
+        most = effort.most
+        if most == math.inf:
+            return
+        strobes = len(x) * (_STRIDE + 2 * LONGEST) + (self.options.samples or FEWEST_SAMPLES) * _SAMPLED
+        effort.most = effort.steps + len(pilots) * math.ceil(most / strobes)
+        try:
+            self.ensemble.strobe(pilots)
+        except StiffnessError as error:
+            needed = f"a search from {len(x)} starts needs {strobes} intervals, with {most:g} steps (max_steps) in all"
+            told = "; ".join(filter(None, (str(error.args[4]), needed)))
+            raise StiffnessError(error.time, error.state, error.mode, error.steps, told, error.stiff) from None
+        finally:
+            effort.most = most
 
     def settle(self, x: NDArray[np.float64]) -> None:
         """Follow motions from given states until each has settled on an attractor, known or new, or is given up."""
@@ -137,13 +162,13 @@ class AttractorSearch(PeriodicSearch):
             if settling[i] or not remaining[i] or self.neutral >= _NEUTRAL or self._drifts:
                 continue
             regionless = [found for found in self.found if found.ellipsoid is None and found.cage is None]
-            if known := [found for found in regionless if found.carries(clouds[i], self.scale)]:
+            if known := [found for found in regionless if found.carries(clouds[i], self.scale, self.circles)]:
                 remaining[i] = own in known
                 continue
-            if any(transient.carries(clouds[i], self.scale) for transient in self.dropped):
+            if any(transient.carries(clouds[i], self.scale, self.circles) for transient in self.dropped):
                 continue
-            if not (cloud := Cloud(clouds[i], self.scale)).stationary():
-                if own is None and in_vain < MOST_ATTEMPTS and (centre := _centre(clouds[i], self.scale)) is not None:
+            if not (cloud := Cloud(clouds[i], self.scale, self.circles)).stationary():
+                if own is None and in_vain < MOST_ATTEMPTS and (centre := self._centre_of(clouds[i])) is not None:
                     remaining[i] = not self._spirals_in(clouds[i], *centre, int(modes[i]))
                     in_vain += remaining[i]
                     if not remaining[i]:
@@ -188,14 +213,15 @@ class AttractorSearch(PeriodicSearch):
         """Hand motions that recur after many strobes to the orbit solver; they are settled if it finds an orbit."""
         attempts = 0
         for i in np.flatnonzero(remaining):
-            turns = _recurrence(clouds[i] / self.scale)
+            table, sizes = on_circles(clouds[i], self.scale, self.circles)
+            turns = _recurrence(table / sizes)
             if attempts >= MOST_ATTEMPTS or not turns:
                 continue
-            if any(found.period and found.carries(clouds[i], self.scale) for found in self.found):
+            if any(found.period and found.carries(clouds[i], self.scale, self.circles) for found in self.found):
                 remaining[i] = False
                 continue
             found = self._corrected(x[i], int(modes[i]), turns)
-            if found is not None and found.carries(clouds[i], self.scale):
+            if found is not None and found.carries(clouds[i], self.scale, self.circles):
                 self.contracts(found)
                 self.found.append(found)
                 remaining[i] = False
@@ -225,13 +251,14 @@ class AttractorSearch(PeriodicSearch):
                 return None
             error = max(error, -slow)  # directions are slow as well to turn to the one that shrinks least
         rounding = criteria.noise * self.options.tolerance * self.scale
-        kind = classify(cloud, exponent, error, criteria, rounding, autonomous=not sampled)
+        table, rounding = on_circles(cloud, rounding, self.circles)
+        kind = classify(table, exponent, error, criteria, rounding, autonomous=not sampled)
         is_periodic = kind.period > 0
         if kind.label == UNRESOLVED and not last:
             return None
         if is_periodic and sampled and kind.period <= LONGEST and not last:
             return None
-        moved = np.ptp(cloud, axis=0) / self.scale
+        moved = extent_of(cloud, self.circles) / self.scale
         found = Found(
             REST
             if kind.period == 1 and not sampled and float(moved.max()) < SAME
@@ -278,7 +305,7 @@ class AttractorSearch(PeriodicSearch):
         """Return the stable limit cycle on which a motion of a system without a phase is; None without one."""
         seen = Found(LIMIT_CYCLE, x[None], None, frozenset(), touches=False)
         found = self._as_limit_cycle(seen, start, mode)
-        if found is None or found.orbit is None or not found.carries(x[None], self.scale):
+        if found is None or found.orbit is None or not found.carries(x[None], self.scale, self.circles):
             return None
         form, names = found.orbit.form, self.system.mode_names
         visited = frozenset(names[k] for k in form.modes)
@@ -296,12 +323,36 @@ class AttractorSearch(PeriodicSearch):
             return found
         if not orbit.stable:
             return None
-        if any(other.orbit is not None and _same_cycle(other.orbit, orbit, self.scale) for other in self.found):
+        if any(self._is_on(other, orbit) for other in self.found):
             return None
         moduli = np.abs(nontrivial(orbit.multipliers, autonomous=True))
         decay = float(moduli.max(initial=0.0)) ** (self.ensemble.period / orbit.period)
-        cycle = replace(found, kind=LIMIT_CYCLE, orbit=orbit, decay=decay)
+        turns = tuple(orbit.winding.values()) if self.system.angles else ()
+        cycle = replace(found, kind=LIMIT_CYCLE, orbit=orbit, turns=turns, decay=decay)
         return replace(cycle, points=cycle.along(2 * _WINDOW))
+
+    def _is_on(self, found: Found, orbit: PeriodicOrbit) -> bool:
+        """Return whether a limit cycle is a known one, started from another of its points."""
+        if found.orbit is None or found.kind != LIMIT_CYCLE:
+            return False
+        if not self.circles.size:
+            return _same_cycle(found.orbit, orbit, self.scale)
+        if abs(found.orbit.period - orbit.period) >= SAME * orbit.period:
+            return False
+        start = wrapped(
+            orbit.x0[None, : len(self.scale)], self.circles
+        )  # where a rotation starts, its extremes are too
+        return found.carries(start, self.scale, self.circles)
+
+    def _centre_of(self, path: NDArray[np.float64]) -> tuple[NDArray[np.float64], int] | None:
+        """Return what `_centre` does of a path whose angles may pass an end of their circle."""
+        if (centre := _centre(self._on_a_sheet(path), self.scale)) is None:
+            return None
+        return wrapped(centre[0], self.circles), centre[1]
+
+    def _on_a_sheet(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a path, shape (k, n), whose angles are within half a turn of the last ones."""
+        return path[-1] + wrapped(path - path[-1], self.circles) if self.circles.size else path
 
     # ---- transients ----
 

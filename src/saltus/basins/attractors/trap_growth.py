@@ -185,7 +185,10 @@ class Enlarging:
 
     def _larger(self, region: OrbitEllipsoids) -> OrbitEllipsoids | None:
         larger = region.at(_GROWING * region.level)
-        return None if np.all(larger.half_widths() > self.widest) else larger
+        widths = larger.half_widths()
+        if np.any(widths[:, larger.circles] > math.pi):  # it would meet itself on the other side
+            return None
+        return None if np.all(widths > self.widest) else larger
 
     def _leaving(
         self,

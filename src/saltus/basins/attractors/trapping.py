@@ -16,6 +16,7 @@ from saltus.flow.event_logs import events_after
 from saltus.flow.starting import starting_mode
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import EVENT_END, PHASE_END, Signature
+from saltus.system.angles import TURN, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -70,6 +71,8 @@ class OrbitEllipsoids:
     modes: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     # shape (period, n): states that the mode of an ellipsoid's motions lacks; no sample differs from the centre there
     absent: NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, 0), np.bool_))
+    # places of the states on a circle; no half width there is above half a turn
+    circles: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __post_init__(self) -> None:
         period, n = self.centres.shape
@@ -101,7 +104,7 @@ class OrbitEllipsoids:
             for pair in zip(self.normals, self.offsets, strict=True)
         ]
         for k, inside in enumerate(self._inside(x).T):
-            y = (x[inside] - self.centres[k]) @ self.metrics[k].T
+            y = wrapped(x[inside] - self.centres[k], self.circles) @ self.metrics[k].T
             while len(y):
                 distances = np.linalg.norm(y, axis=1)
                 nearest = int(np.argmin(distances))
@@ -140,7 +143,8 @@ class OrbitEllipsoids:
         return np.asarray(within & ((y**2).sum(axis=2) < self.level))
 
     def _apart(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(np.einsum("kij,mkj->mki", self.metrics, x[:, None, :] - self.centres))
+        apart = wrapped(x[:, None, :] - self.centres, self.circles)
+        return np.asarray(np.einsum("kij,mkj->mki", self.metrics, apart))
 
     def samples(self, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Return states uniform in each ellipsoid, `count` in all, shape (count, n), grouped by ellipsoid."""
@@ -167,15 +171,27 @@ class OrbitEllipsoids:
         return np.asarray(np.sqrt(self.level * (np.linalg.inv(self.metrics) ** 2).sum(axis=2)))
 
     def as_traps(self, label: int) -> Ellipsoids:
-        """Return the ellipsoids as trapping regions of an attractor's label."""
+        """Return the ellipsoids as regions of an attractor's label, twice those that an end of a circle cuts."""
+        which, centres = self._copies()
         return Ellipsoids(
-            self.centres,
-            self.metrics / math.sqrt(self.level),
-            np.full(len(self.centres), label, np.uint8),
-            np.einsum("kpi,kij->kpj", self.normals, self.metrics),
-            self.offsets,
-            self.modes,
+            centres,
+            self.metrics[which] / math.sqrt(self.level),
+            np.full(len(centres), label, np.uint8),
+            np.einsum("kpi,kij->kpj", self.normals[which], self.metrics[which]),
+            self.offsets[which],
+            self.modes[which],
         )
+
+    def _copies(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return which ellipsoids reach states between -pi and pi in each angle, and their centres, turns away."""
+        which, centres = np.arange(len(self.centres)), self.centres
+        for place in self.circles:
+            angle, reach = centres[:, place], math.pi - self.half_widths()[which, place]
+            for beyond, turn in ((angle > reach, -TURN), (angle < -reach, TURN)):
+                moved = centres[: len(angle)][beyond]
+                moved[:, place] += turn
+                which, centres = np.append(which, which[: len(angle)][beyond]), np.concatenate([centres, moved])
+        return which, centres
 
 
 def _in_ball(free: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.float64]:
@@ -263,7 +279,8 @@ def map_jacobians(
     starts = None if modes is None else np.repeat(modes, 2 * n)
     images, _ = ensemble.strobe((points[:, None, :] + present * pushes).reshape(-1, n), starts)
     ahead, behind = np.split(images.reshape(m, 2 * n, n), 2, axis=1)
-    return np.asarray(((ahead - behind) / (2.0 * _STEP * scale)[:, None]).transpose(0, 2, 1))
+    apart = wrapped(ahead - behind, ensemble.system.angle_places)
+    return np.asarray((apart / (2.0 * _STEP * scale)[:, None]).transpose(0, 2, 1))
 
 
 def largest_multiplier(jacobians: NDArray[np.float64]) -> float:

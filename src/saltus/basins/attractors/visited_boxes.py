@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.basins.attractors.cloud import extent_of
 from saltus.ensemble.traps import Cells
 from saltus.result import frozen
 
@@ -69,7 +70,7 @@ def boxes_along(
     """
     seen, fresh = ({label: _followed(ensemble, cloud, rng) for label, cloud in clouds.items()} for _ in range(2))
     seen = {label: np.concatenate([cloud, curves.get(label, cloud[:0])]) for label, cloud in seen.items()}
-    extents = [np.ptp(cloud, axis=0) for cloud in seen.values()]
+    extents = [extent_of(cloud, ensemble.system.angle_places) for cloud in seen.values()]
     widest = np.maximum(np.min(extents, axis=0), 1e-3 * np.max(extents, axis=0))
     widest = np.maximum(widest, _EXTENT * scale)
     origin = np.min([cloud.min(axis=0) for cloud in seen.values()], axis=0)

@@ -18,7 +18,7 @@ from saltus.basins.attractors.pace import approach
 from saltus.basins.map.patience import NEARER
 from saltus.basins.wilson import wilson
 from saltus.ensemble.traps import UNDECIDED
-from saltus.errors import InputError
+from saltus.errors import InputError, StiffnessError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -178,8 +178,10 @@ def _missed(
         )
         for name, points in attractors.points.items()
     ]  # fmt: skip
-    found = missed_by(labelling.system, labelling.parameters, box, known, starts, labelling.interval)
-    return ", ".join(found)
+    try:
+        return ", ".join(missed_by(labelling.system, labelling.parameters, box, known, starts, labelling.interval))
+    except StiffnessError:  # `nowhere` counts them; on what they end takes more steps than a search may
+        return ""
 
 
 def _differing(labels: NDArray[np.uint8], others: NDArray[np.uint8]) -> tuple[int, int]:

@@ -12,6 +12,7 @@ from saltus import checks
 from saltus.basins.map.chunked_reading import blocks, outcome_of, read
 from saltus.ensemble.traps import NOT_DONE
 from saltus.errors import InputError
+from saltus.system.angles import TURN
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -19,7 +20,16 @@ if TYPE_CHECKING:
     from saltus.basins.map.chunked_reading import Labelled
     from saltus.basins.map.grid import Grid
 
-__all__ = ["farthest_site", "half_diagonal", "nearest_outside", "own_cell", "room_about", "start_of", "weights_of"]
+__all__ = [
+    "closed_axes",
+    "farthest_site",
+    "half_diagonal",
+    "nearest_outside",
+    "own_cell",
+    "room_about",
+    "start_of",
+    "weights_of",
+]
 
 _NEAR = 2**20  # cells that are searched together, from the attractor outwards
 
@@ -40,6 +50,21 @@ def weights_of(grid: Grid, weights: Mapping[str, float] | None) -> NDArray[np.fl
     return np.array([checks.positive(f"weights[{free!r}]", given[free]) for free in grid.names])
 
 
+def closed_axes(basins: Labelled) -> NDArray[np.bool_]:
+    """Return which free coordinates close on themselves, shape (free coordinates,): angles over a whole turn.
+
+    A turn that is missed by less than half a cell is one: distances have errors as large.
+    """
+    grid, places = basins.grid, getattr(getattr(basins.attractors, "system", None), "angle_places", ())
+    whole = [abs(high - low - TURN) < 0.5 * (high - low) / count for low, high, count in grid.ranges]
+    units = [np.flatnonzero(vector) for vector in grid.vectors]
+    angle = [
+        unit.size == 1 and unit[0] in places and vector[unit[0]] == 1.0
+        for unit, vector in zip(units, grid.vectors, strict=True)
+    ]
+    return np.asarray(np.array(whole) & np.array(angle))
+
+
 def start_of(basins: Labelled, name: str, centre: ArrayLike | None) -> tuple[NDArray[np.float64], float]:
     """Return the centre in the free coordinates, and the distance of the attractor's point from the grid's plane."""
     grid, off = basins.grid, 0.0
@@ -55,7 +80,10 @@ def start_of(basins: Labelled, name: str, centre: ArrayLike | None) -> tuple[NDA
         start = np.linalg.lstsq(grid.vectors.T, point - grid.origin, rcond=None)[0]
         off = float(np.linalg.norm(point - grid.origin - start @ grid.vectors))
         off = off if off > 1e-12 * float(np.abs(point).max()) else 0.0
+    closed = closed_axes(basins)
     for k, (free, (low, high, _)) in enumerate(zip(grid.names, grid.ranges, strict=True)):
+        if closed[k]:
+            start[k] = low + (start[k] - low) % TURN
         inside = grid.clipped(free, float(start[k]))
         if inside is None:
             where = f"centre's {free}" if centre is not None else f"{free} of {name!r}"
@@ -73,9 +101,13 @@ def nearest_outside(
     are read in the order of their distance, until the next is further than the nearest cell so far.
     """
     grid, labels = basins.grid, basins.labels
+    ways = [np.abs(axis - x) for axis, x in zip(grid.axes, start, strict=True)]
+    ways = [
+        np.minimum(way, np.abs(TURN - way)) if closed else way
+        for way, closed in zip(ways, closed_axes(basins), strict=True)
+    ]
     gaps = [
-        (np.maximum(np.abs(axis - x) - half * size, 0.0) / w) ** 2
-        for axis, x, size, w in zip(grid.axes, start, grid.spacing, scale, strict=True)
+        (np.maximum(way - half * size, 0.0) / w) ** 2 for way, size, w in zip(ways, grid.spacing, scale, strict=True)
     ]
     bounded = [
         (sum(float(gap[s].min()) for gap, s in zip(gaps, block, strict=True)), block)
@@ -127,10 +159,11 @@ def half_diagonal(grid: Grid, scale: NDArray[np.float64]) -> float:
     return 0.5 * float(np.linalg.norm(np.asarray(grid.spacing) / scale))
 
 
-def room_about(grid: Grid, start: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
-    """Return the distance of a point from the window's edge."""
-    ends = np.array([(low, high) for low, high, _ in grid.ranges])
-    return float((np.abs(ends - start[:, None]).min(axis=1) / scale).min())
+def room_about(basins: Labelled, start: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
+    """Return the distance of a point from the window's edge; infinite where all coordinates close on themselves."""
+    ends = np.array([(low, high) for low, high, _ in basins.grid.ranges])
+    rooms = np.abs(ends - start[:, None]).min(axis=1) / scale
+    return float(rooms[~closed_axes(basins)].min(initial=math.inf))
 
 
 def own_cell(basins: Labelled, label: int, start: NDArray[np.float64]) -> str:

@@ -22,6 +22,7 @@ import numpy as np
 
 from saltus.basins.map.chunked_reading import blocks, label_of, outcome_of, read
 from saltus.basins.measures.distances import (
+    closed_axes,
     farthest_site,
     half_diagonal,
     nearest_outside,
@@ -31,6 +32,7 @@ from saltus.basins.measures.distances import (
     weights_of,
 )
 from saltus.errors import InputError
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -255,7 +257,7 @@ def local_integrity(
     label, scale = label_of(basins, name), weights_of(basins.grid, weights)
     start, off = start_of(basins, name, centre)
     radius, _, _ = nearest_outside(basins, label, start, scale, 0.5)
-    room = room_about(basins.grid, start, scale)
+    room = room_about(basins, start, scale)
     return Ball(
         value=min(radius, room),
         error=half_diagonal(basins.grid, scale),
@@ -314,7 +316,10 @@ def integrity_factor(basins: Labelled, name: str, *, weights: Mapping[str, float
 
     label, scale, labels = label_of(basins, name), weights_of(basins.grid, weights), basins.labels
     sizes = np.asarray(basins.grid.spacing) / scale
-    padded = tuple(n + 2 for n in labels.shape)
+    closed = closed_axes(basins)
+    # a cell outside about the window; round a circle, half a turn more
+    pads = [n // 2 + 1 if around else 1 for n, around in zip(labels.shape, closed, strict=True)]
+    padded = tuple(n + 2 * pad for n, pad in zip(labels.shape, pads, strict=True))
     if (needed := math.prod(padded) * (4 * len(padded) + 10)) > _MEMORY:
         raise InputError(
             "basins", f"a grid of {' x '.join(map(str, labels.shape))} cells",
@@ -323,18 +328,34 @@ def integrity_factor(basins: Labelled, name: str, *, weights: Mapping[str, float
         )  # fmt: skip
     inside = np.zeros(padded, np.bool_)
     for block in blocks(labels):
-        inside[tuple(slice(s.start + 1, s.stop + 1) for s in block)] = read(labels, block) == label
+        inside[tuple(slice(s.start + pad, s.stop + pad) for s, pad in zip(block, pads, strict=True))] = (
+            read(labels, block) == label
+        )
+    for axis in np.flatnonzero(closed).tolist():
+        n, pad = labels.shape[axis], pads[axis]
+        inside = inside.take(np.arange(-pad, n + pad) % n + pad, axis)
     error = 1.5 * half_diagonal(basins.grid, scale)
+    if inside.all():  # round all circles
+        return Ball(math.inf, error, False, np.array([axis[0] for axis in basins.grid.axes]))
     if not inside.any():
         return Ball(0.0, error, False, np.full(len(padded), np.nan), note=f"no cell is labelled {name!r}")
     sites = ndimage.distance_transform_edt(inside, sampling=sizes, return_distances=False, return_indices=True)
+    pads = [pad if around else 0 for pad, around in zip(pads, closed, strict=True)]
+    core = tuple(slice(pad, n - pad) for pad, n in zip(pads, padded, strict=True))
+    sites = sites[(slice(None), *core)] - np.reshape(pads, (-1, *[1] * len(pads))).astype(sites.dtype)
     farthest, cell = farthest_site(sites, sizes)
-    edge = min(min(i, n - 1 - i) * s for i, n, s in zip(cell, padded, sizes, strict=True))
+    ends = [
+        min(i, n - 1 - i) * s
+        for i, n, s, around in zip(cell, padded, sizes, closed, strict=True) if not around
+    ]  # fmt: skip
+    edge = min(ends, default=math.inf)
     return Ball(
         value=max(farthest - error / 3.0, 0.0),
         error=error,
         clipped=bool(edge <= farthest * (1.0 + 1e-9)),
-        centre=np.array([axis[i - 1] for axis, i in zip(basins.grid.axes, cell, strict=True)]),
+        centre=np.array(
+            [axis[i if around else i - 1] for axis, i, around in zip(basins.grid.axes, cell, closed, strict=True)]
+        ),
     )
 
 
@@ -387,9 +408,9 @@ def minimal_fatal_perturbation(
     return FatalPerturbation(
         value=length,
         error=min(2.0 * half_diagonal(basins.grid, scale), length),
-        clipped=room_about(basins.grid, start, scale) < length,
+        clipped=room_about(basins, start, scale) < length,
         centre=start,
-        vector=target - start,
+        vector=np.where(closed_axes(basins), wrapped(target - start, np.arange(start.size)), target - start),
         outcome=outcome_of(basins, reached) if math.isfinite(length) else "",
         off_section=off,
         note=own_cell(basins, label, start),

@@ -42,6 +42,7 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.files import telling
 from saltus.progress import Report, Reporter, ended
 from saltus.system import HybridSystem, Map
+from saltus.system.angles import on_circles
 from saltus.system.maps import checked_system
 
 if TYPE_CHECKING:
@@ -255,11 +256,12 @@ def _called(attractors: Any, known: dict[str, NDArray[np.float64]], within: floa
     points = {name: np.atleast_2d(attractors.points[name]) for name in attractors.names}
     if within is None:
         return {name: name for name in points}
+    circles = attractors.system.angle_places
     pairs = sorted(
         (distance, name, before)
         for name, here in points.items()
         for before, there in known.items()
-        if (distance := _apart(here, there)) <= within
+        if (distance := _apart(here, there, circles)) <= within
     )
     called: dict[str, str] = {}
     for _, name, before in pairs:
@@ -272,10 +274,11 @@ def _called(attractors: Any, known: dict[str, NDArray[np.float64]], within: floa
     return called
 
 
-def _apart(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Return the Hausdorff distance of two sets of points."""
+def _apart(one: NDArray[np.float64], other: NDArray[np.float64], circles: NDArray[np.int64]) -> float:
+    """Return the Hausdorff distance of two sets of points, whose angles are seen by cosine and sine."""
     from scipy.spatial.distance import directed_hausdorff
 
+    one, other = (on_circles(points, np.zeros(points.shape[1]), circles)[0] for points in (one, other))
     return max(float(directed_hausdorff(one, other)[0]), float(directed_hausdorff(other, one)[0]))
 
 

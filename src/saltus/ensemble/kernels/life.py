@@ -28,6 +28,8 @@ from saltus.ensemble.labels import (
     NL,
     UNDECIDED,
 )  # fmt: skip
+from saltus.maps.kernels.steps import turns_beyond
+from saltus.system.angles import TURN
 from saltus.system.numba_tools.machine_code import njit
 from saltus.system.numba_tools.pointers import pointer
 
@@ -135,6 +137,10 @@ def looked_at(i, k, R, lane, x, seen, lanes, regions, boxes, settings, found):
     itol = ld(R, (n + ITOL) * NL, lane)
     st(R, (n + ITOL) * NL, lane, loosened(itol, settings.itol, settings.growth, settings.least_itol, strobes))
     read(lanes, k, R, lane, x)
+    for j in range(regions.circles.size):  # such a system has no pools but those whose lanes hold the states themselves
+        e = regions.circles[j]
+        x[e] -= TURN * turns_beyond(x[e])
+        st(R, e * NL, lane, x[e])
     seen, label = told(x, lanes.mode_of[k], seen, regions, boxes, settings)
     if label == UNDECIDED and strobes < settings.longest:
         return seen, k
