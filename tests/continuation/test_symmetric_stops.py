@@ -231,3 +231,41 @@ def test_oscillators_in_step_graze_at_once(seed):
         for value in np.linspace(alone.values.min(), alone.values.max(), 6)[1:-1]:
             speeds, others = (sorted(o.max["v0"] for o in curve.at(value)) for curve in (branch, alone))
             np.testing.assert_allclose(speeds, others, rtol=1e-7)
+
+
+def _rattle(length: float, rate: float) -> tuple[saltus.HybridSystem, saltus.PeriodicOrbit]:
+    """Return a driven mass between two walls 2 d apart, and its motion with a hit on each wall in a period."""
+    system = saltus.HybridSystem(
+        ("x", "v"),
+        {"A": length, "d": 0.5 * length, "e": 0.6, "w": rate},
+        {"f": saltus.Mode({"x": "v", "v": "A*w**2*cos(th)"})},
+        [
+            saltus.Transition("f", "f", "x - d", 1, {"v": "-e*v"}, name="R"),
+            saltus.Transition("f", "f", "x + d", -1, {"v": "-e*v"}, name="L"),
+        ],
+        phase=("th", "w"),
+    )
+    angle, speed = 3.378093327609896, 0.7029064493612437 * length * rate
+    starts = [("f", "R", [-0.5 * length, speed, angle]), ("f", "L", [0.5 * length, -speed, angle + np.pi])]
+    return system, saltus.solve_orbit(system, segments=[(*start, np.pi / rate) for start in starts])
+
+
+@pytest.mark.parametrize(
+    ("length", "rate"),
+    guarding([(1.0, 1.0), (1e-9, 1.0), (1e9, 1.0), (1e-9, 1e6), (1e-6, 1e4), (1e9, 1e-3)], (1.0, 1.0), (1e-9, 1e6)),
+)
+def test_a_rattle_goes_on_behind_its_grazing_in_all_units(length, rate):
+    """Between two hits the motion is a parabola and a cosine: its start follows from the angle of the hit."""
+    _, orbit = _rattle(length, rate)
+    branch = saltus.continue_orbit(orbit, "d", (0.2 * length, 0.6 * length))
+    assert branch.stopped == (f"d = {0.2 * length:.9g}: bound reached", f"d = {0.6 * length:.9g}: bound reached")
+    found = {point.label: point.value("d") / length for point in branch.special_points}
+    assert found == pytest.approx({"BP1": 0.343724240072, "SN1": 0.427548849578, "GR1": 0.250447525721}, rel=1e-9)
+    simple = [i for i in range(len(branch)) if len(branch.signature(i)) == 2]
+    assert simple
+    for i in simple:
+        angle, speed = branch.unknowns[i][2], abs(branch.unknowns[i][1]) / (length * rate)
+        swing, turn = abs(np.sin(angle)), np.cos(angle) * (1.0 if branch.unknowns[i][0] < 0.0 else -1.0)
+        assert speed == pytest.approx(3.0 * swing, rel=1e-8)
+        assert 2.0 * branch.values[i] / length == pytest.approx(np.pi * (speed + swing) + 2.0 * turn, rel=1e-7)
+    assert branch.audit.passed, branch.audit

@@ -134,6 +134,7 @@ def neighbour(
         return f"{_MAP_JUMPS}: {found}" if monitor.kind in ("condition", "ahead", "behind", "unmet") else found
     signature, rows = found
     fresh = OrbitProblem(problem.system, signature, problem.parameters_at(u), tol=problem.tol)
+    fresh.state_scale = problem.state_scale.copy()  # the orbit is the same
     signature, turned = settle_signature(fresh, rows.ravel())
     if not closes_round(problem, fresh, signature, turned):
         return _JUMPS

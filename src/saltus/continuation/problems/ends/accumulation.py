@@ -63,6 +63,7 @@ class Accumulated:
             tuple(form.modes[i] for i in flights), (*ends, self.impact), (EVENT_END,) * len(flights), form.turns
         )
         problem = OrbitProblem(system, signature, self.problem.parameters_at(self.u), tol=self.problem.tol)
+        problem.state_scale = self.problem.state_scale.copy()  # the orbit is the same
         signature, u = settle_signature(problem, rows.ravel())
         return signature, np.append(u, self.u[-1])
 
