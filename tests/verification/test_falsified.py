@@ -203,3 +203,34 @@ def test_a_fit_that_is_falsified_is_found(name):
     found = fit()
     assert saltus.verify(found).passed
     assert told(found, name, "all") != NOTHING
+
+
+def folds():
+    """Return branches of each kind with folds whose stability and course tell no branch point from a fold."""
+    cubic = saltus.HybridSystem.smooth({"x": "m + x - x**3 - y", "y": "0.3*x - y"}, {"m": -2.0})
+    yield saltus.continue_equilibrium(saltus.find_equilibrium(cubic, x0=[-1.5, -0.5]), "m", (-2.0, 2.0))
+    square = saltus.Map(("x", "y"), {"r": 0.5}, {"x": "r + x - x**2", "y": "0.5*y + x"})
+    yield saltus.continue_orbit(saltus.solve_orbit(square, x0=[0.7, 1.4]), "r", (-0.5, 0.6))
+    field = {"x": "v", "v": "-0.2*v - x - x**3 + 0.2*cos(th)"}
+    duffing = saltus.HybridSystem(("x", "v"), {"w": 1.0}, {"m": saltus.Mode(field)}, phase=("th", "w"))
+    yield saltus.continue_orbit(saltus.find_orbit(duffing, x0=[0.0, 0.0]), "w", (0.6, 2.0))
+
+
+def test_a_fold_that_is_called_a_branch_point_is_found():
+    for found in folds():
+        fold = found["SN1"]
+        others = [replace(fold, type="BP", label="BP1") if p is fold else p for p in found.special_points]
+        wrong = saltus.verify(replace(found, special_points=SpecialPoints(others, found.varied)), points=2)
+        assert "branches meet" in {row.what for row in wrong.failures}
+
+
+@pytest.mark.parametrize("term", ["x**2", "x**3", "x**2 + 1e-3*x**3"])
+def test_points_where_branches_meet_are_found_to_be_such(term):
+    field = saltus.HybridSystem.smooth({"x": f"m*x - ({term})", "y": "x**2 - y + m"}, {"m": -1.0})
+    rests = saltus.continue_equilibrium(saltus.find_equilibrium(field, x0=[0.0, -1.0]), "m", (-1.0, 1.0))
+    orbits = saltus.continue_orbit(
+        saltus.solve_orbit(saltus.Map(("x",), {"m": -0.5}, {"x": f"x + m*x - ({term})"}), x0=[0.0]), "m", (-0.5, 0.5)
+    )
+    for found in (rests, orbits):
+        (row,) = [row for row in saltus.verify(found, points=2) if row.what == "branches meet"]
+        assert row.verdict == "agrees"

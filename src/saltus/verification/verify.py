@@ -28,6 +28,7 @@ from saltus.verification.algebraic import EquilibriumCheck, MapOrbitCheck, sizes
 from saltus.verification.along import course_rows
 from saltus.verification.averages import average_rows
 from saltus.verification.best import fit_rows, optimum_rows
+from saltus.verification.branch_points import meeting_rows
 from saltus.verification.columns import ELSEWHERE, column_rows, solution_rows
 from saltus.verification.orbits import OrbitCheck
 from saltus.verification.table import Row, Verification, compared, equal, place_of, placed, unchecked, worst
@@ -207,7 +208,7 @@ def _curve_rows(curve: Any, points: int) -> list[Row]:
     rows = worst(rows)
     for point in curve.special_points:
         rows += _point_rows(point, sizes)
-    rows += [*column_rows(curve), *course_rows(curve)]
+    rows += [*column_rows(curve), *course_rows(curve), *meeting_rows(curve)]
     if len(curve.varied) == 1:
         rows += list(_account(curve, counts))
     return rows
