@@ -93,6 +93,8 @@ def resting(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.bool_]:
     What grows across the plane magnifies nothing. A state that is 0 only where pieces start, as on a wall, is none of
     these: the field moves it.
     """
+    if 0.0 not in u[: problem.n].tolist():
+        return np.zeros(problem.n, dtype=bool)
     starts = u[: problem.size].reshape(problem.segments, problem.n + 1)[:, : problem.n]
     zeros = np.all(starts == 0.0, axis=0)
     zeros[len(problem.system.states) :] = False

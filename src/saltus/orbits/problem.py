@@ -192,7 +192,7 @@ class OrbitProblem(Discretised):
     def common_scale(self) -> NDArray[np.float64]:
         """Sizes of the states, shape (n,), raised to those that they share where they meet surfaces together."""
         known = self._common
-        if known is None or known[0] is not self._surface_rows or not np.array_equal(known[1], self.state_scale):
+        if known is None or known[0] is not self._surface_rows or known[1].tobytes() != self.state_scale.tobytes():
             sizes = self.state_scale.copy()
             self._common = known = self._surface_rows, sizes, common_sizes(self._surface_rows, sizes)
         return known[2]

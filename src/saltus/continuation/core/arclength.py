@@ -223,10 +223,10 @@ def _returns(before: Point | None, a: Point, b: Point) -> str | None:
     if before is None or before.arc == a.arc or abs(b.arc - a.arc) < CROWDED:
         return None
     back, ahead = abs(a.arc - before.arc), abs(b.arc - a.arc)
-    at = before.examined, a.examined, b.examined
+    first, second = before.examined.monitors, a.examined.monitors
     later = b if b.arc > a.arc else a
     known = a.examined.doubled | b.examined.doubled | later.examined.once
-    for name in b.examined.monitors:
-        if name not in known and dips([point.monitors.get(name) for point in at], back, ahead):
+    for name, end in b.examined.monitors.items():
+        if name not in known and dips([first.get(name), second.get(name), end], back, ahead):
             return f"events: {name} may vanish twice within the step"
     return None

@@ -57,7 +57,7 @@ def circle_tests(values: list[complex]) -> Tested:
         unit = math.hypot(1.0, size)
         change, far = (1.0 + size) / unit, size < FAR_FROM_CRITICAL or size > 1.0 / FAR_FROM_CRITICAL
         distances = [(1.0 - value.real) / unit, (1.0 + value.real) / unit]
-        return Tested(distances, [change, change], turns=False, far=far, scale=max(1.0, size), infinite=True)
+        return Tested(distances, [change, change], False, far, max(1.0, size), True)
     if len(values) == 2:
         a, b = values
         size, second = abs(a), abs(b)

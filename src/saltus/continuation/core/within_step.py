@@ -84,7 +84,9 @@ def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Calla
     tests : callable
         `circle_tests` or `border_tests`.
     """
-    before, first, last = (np.asarray(row, dtype=np.complex128).tolist() for row in rows)
+    before, first, last = (
+        row if isinstance(row, list) else np.asarray(row, dtype=np.complex128).tolist() for row in rows
+    )
     ratio = lengths[1] / lengths[0]
     ahead = [value + (value - old) * ratio for old, value in zip(before, first, strict=True)]
     if any(near != value for near, value in zip(_matched(ahead, last), last, strict=True)):

@@ -133,10 +133,13 @@ def shows_last_step(problem: Equations, u: NDArray[np.float64], J: NDArray[np.fl
 
     The rate of an event function may double within the time in which it moves by its own size.
     """
-    last = np.arange(problem.n, problem.size, problem.n + 1)
-    rates = np.where(problem.kinds == EVENT_END, np.abs(J[last, last]), 0.0)
-    moved, shown = rates * ACCEPTED * float(np.abs(u[last]).sum()), math.sqrt(RESIDUAL_KEPT)
-    if not moved.max() > shown * float(problem.state_scale.min()):
+    last, shown = slice(problem.n, problem.size, problem.n + 1), math.sqrt(RESIDUAL_KEPT)
+    rates, period = np.abs(J[last, last].diagonal()), float(np.abs(u[last]).sum())
+    least = shown * float(problem.state_scale.min())
+    if float(rates.max()) * ACCEPTED * period <= least:  # nor do those of events alone
+        return False
+    moved = np.where(problem.kinds == EVENT_END, rates, 0.0) * ACCEPTED * period
+    if not moved.max() > least:
         return False
     return bool(np.any(moved > shown * problem.event_sizes(u)))
 
