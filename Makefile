@@ -1,7 +1,7 @@
 # saltus: `make` lists the targets. PYTHON=python3.12 make ... chooses the interpreter.
 .POSIX:
 .NOTPARALLEL:
-.PHONY: help demo test campaign thorough lint bench dist docs gallery lock clean
+.PHONY: help demo test campaign coverage thorough lint bench dist docs gallery lock clean
 
 BIN = .venv/bin
 PYTEST_ARGS = -n 2 --dist worksteal
@@ -22,6 +22,10 @@ campaign: ## tests that guard no single change; then points and words with three
 	@tools/make_env.sh test
 	$(BIN)/python tools/run_tests.py -m "campaign and not thorough" $(PYTEST_ARGS)
 	$(BIN)/python tests/campaign/rounding.py
+
+coverage: ## how often intervals of fits hold the true values: five systems, 50 sets of data each, an hour
+	@tools/make_env.sh test
+	$(BIN)/python tests/campaign/fit_intervals.py
 
 thorough: ## before a release: the many random systems of which the campaign runs some
 	@tools/make_env.sh test

@@ -33,6 +33,7 @@ KEPT = {
     "verification/motion.py: _ATOL": "step",
     "verification/motion.py: _RTOL": "step",
     "verification/motion.py: _RTOL_STIFF": "step",
+    "verification/growth.py: _MOVED": "step",
     "verification/reference.py: _REACH": "step",
 }
 

@@ -14,24 +14,25 @@ from saltus import checks
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.many.retracing import Retraced
 from saltus.errors import ConvergenceError, InputError
+from saltus.fitting.beside import dataset_of
 from saltus.fitting.instrument import Instrument
-from saltus.fitting.jumps import DOWN, read_points
-from saltus.fitting.measured import Channel, Measured, MeasuredPoint, read_measured
+from saltus.fitting.jumps import read_points
+from saltus.fitting.limits import Linear, limited
+from saltus.fitting.measured import Measured, MeasuredPoint, read_measured
 from saltus.fitting.optimum import Minimum, Objective, covariance, degeneracies, minimised
+from saltus.fitting.own_places import at_own_places
 from saltus.fitting.priors import NO_PRIORS, Priors, read_priors
 from saltus.fitting.profiles import Profiles
 from saltus.fitting.remedy import remedy_of
 from saltus.fitting.repeated import contradictions
 from saltus.fitting.rereading import Reading, reread
 from saltus.fitting.result import Fit
-from saltus.fitting.search import searched
+from saltus.fitting.search import fits, searched
 from saltus.progress import Reporter
 
 if TYPE_CHECKING:
-    import xarray as xr
     from numpy.typing import NDArray
 
-    from saltus.fitting.evaluation import Evaluation
     from saltus.progress import Report
 
 __all__ = ["FitOptions", "Sheeted", "fit", "fitted"]
@@ -281,7 +282,11 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
             wanted.measured, wanted.trace, names, reporter, wanted.priors, instrument=wanted.instrument
         )
         _begin(objective, wanted)
-        found = searched(objective, wanted.start, bounds, wanted.options.max_evaluations)
+        most = wanted.options.max_evaluations
+        lenient = searched(objective, wanted.start, bounds, most)
+        found = at_own_places(objective, lenient, bounds, most)
+        if found is not lenient and fits(lenient) and not (found.is_interrupted or fits(found)):
+            found = searched(objective, found.values, bounds, most)
         refused = len(objective.failures)
         for _ in range(_REPEATED):
             spread = covariance(found.evaluation.jacobian, found.evaluation.residuals)
@@ -291,7 +296,8 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
             del objective.failures[refused:]
             if profiles.better is None:
                 break
-            found = minimised(objective, profiles.better.values, bounds, most=wanted.options.max_evaluations)
+            found = minimised(objective, profiles.better.values, bounds, most=most)
+    limits, intervals = limited(Linear(found.evaluation, found.values, bounds, spread))
     fit = Fit(
         system=wanted.trace.branches[0].system,
         along=wanted.measured.along,
@@ -302,10 +308,12 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
         covariance=spread,
         branches=found.evaluation.branches,
         formulas={one.name: one.formulas for one in wanted.measured.channels},
-        data=_dataset(found.evaluation),
+        data=dataset_of(found.evaluation),
         evaluations=objective.evaluations,
         stopped=found.stopped,
         profiles=profiles.intervals,
+        limits=limits,
+        limited=intervals | {name: profiles.intervals[name] for name in limits if name in profiles.intervals},
         instrument=found.evaluation.instrument,
         notes=(*_notes(wanted, found, objective), *profiles.notes),
     )
@@ -383,50 +391,3 @@ def _notes(wanted: Task, found: Minimum, objective: Objective) -> tuple[str, ...
     if objective.failures:
         notes.append(f"{len(objective.failures)} steps were refused, as: {objective.failures[-1]}")
     return tuple(notes)
-
-
-def _dataset(found: Evaluation) -> xr.Dataset:
-    """Return the data with the model beside them."""
-    from saltus.extras import xr
-
-    measured, (sheet, _, side) = found.measured, found.assigned
-    count, rows = len(measured), measured.rows
-    model = [
-        _beside(one, found.instrument.factor(one.name), found.seen[[measured.formulas.index(f) for f in one.formulas]])
-        for one in measured.channels
-    ]
-    residual = found.residuals[: rows * count].reshape(rows, count).T
-    each = ("datum", "channel")
-    table = np.array([one.values for one in measured.channels], dtype=np.complex128).T
-    shown = np.array(model, dtype=np.complex128).T
-    points = measured.points
-    return xr.Dataset(
-        {
-            "x": ("datum", measured.x),
-            "side": ("datum", side),
-            "sheet": ("datum", sheet),
-            "direction": ("datum", np.array(measured.direction, dtype=object)),
-            "residual": (("datum", "row"), residual),
-            "measured": (each, table.real),
-            "measured_im": (each, table.imag),
-            "model": (each, shown.real),
-            "model_im": (each, shown.imag),
-            "sigma": (each, np.array([one.sigma for one in measured.channels]).T),
-            "turn": ("channel", np.array([one.turn for one in measured.channels])),
-            "special_value": ("special_datum", np.array([point.value for point in points], dtype=float)),
-            "special_sigma": ("special_datum", np.array([point.sigma for point in points], dtype=float)),
-            "special_reach": (
-                "special_datum",
-                np.array([-point.reach if point.direction == DOWN else point.reach for point in points], dtype=float),
-            ),
-            "special_residual": ("special_datum", found.residuals[rows * count : rows * count + len(points)]),
-            "special_type": ("special_datum", np.array([point.type for point in points], dtype=object)),
-        },
-        {"channel": [one.name for one in measured.channels]},
-    )
-
-
-def _beside(channel: Channel, gain: float, seen: NDArray[np.float64]) -> NDArray[Any]:
-    """Return an observable of the model, times a gain; an angle in the turn of the data."""
-    found = gain * channel.model(seen)
-    return found - channel.turn * np.round((found - channel.values) / channel.turn) if channel.turn else found

@@ -1,8 +1,11 @@
 """Data against a model: which sheet each datum lies on, residuals, and their derivatives.
 
-A datum belongs to the nearest stable sheet, by its residuals. Interpolated ones choose where they are sure. Beyond the
-end of a sheet the datum is compared with the sheet's last orbits, which move as the end does: by the chain rule,
-y'(p) + y'(x) x_end'(p).
+A datum belongs to the nearest stable sheet, by its residuals. Interpolated ones choose where they are sure. A sheet
+that exists at the datum's own place comes first. Where none does, the datum is compared with the last orbits of a
+sheet, which move as its end does: by the chain rule, y'(p) + y'(x) x_end'(p). It also costs its distance from the end.
+
+A search may compare data with sheets that end before them. How far these may end before costs one standard error is its
+allowance: infinite where a search begins, 0 where it ends.
 
 A drift gives each datum parameters of its own. Its orbit is solved there, from one that lies alike between the ends of
 its sheet. Where the sheet ends, observables are linear in the drift, as the ends are.
@@ -15,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,13 +33,25 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation import Branch, SpecialPoint
-    from saltus.fitting.measured import Measured, MeasuredPoint
+    from saltus.fitting.measured import Channel, Measured, MeasuredPoint
     from saltus.orbits import PeriodicOrbit
 
 __all__ = ["Evaluation"]
 
 _UNSURE = 1.0  # distance of a datum from the nearest sheet, and one more standard error: others are as near
 _INSETS = (SHEET_END, 1e-4, 1e-3)  # distances from an end, over the sheet's length, tried one after the other
+
+
+class Compared(NamedTuple):
+    """Each datum against each sheet, arrays of shape (sheet, datum)."""
+
+    squares: NDArray[np.float64]  # squared residuals, the distance from the end included
+    places: NDArray[np.float64]  # values at which sheets are compared
+    sides: NDArray[np.int64]  # at which end: -1, 1, or 0 within
+    past: NDArray[np.float64]  # how far the datum lies beyond the last orbits that are compared; 0 within
+    apart: NDArray[np.float64]  # the same in standard errors, of a datum that the sheet does not reach
+    inside: NDArray[np.bool_]  # whether the sheet exists at the datum's own place
+    seen: NDArray[np.float64]  # formulas interpolated, shape (sheet, formula, datum)
 
 
 @dataclass
@@ -49,6 +64,8 @@ class Evaluation:
     # residuals and derivatives of what is known of the parameters beforehand, shapes (prior,) and (prior, parameter)
     beforehand: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     instrument: Instrument = field(default_factory=Instrument)  # what the measurement does to the model's curve
+    # how far beyond the end of a sheet a datum is by one standard error, where another sheet exists; 0 for never
+    allowance: float = math.inf
 
     def __post_init__(self) -> None:
         self.sheets: list[Sheet] = sheets_of(self.branches)
@@ -58,10 +75,10 @@ class Evaluation:
         self._end_moves: dict[tuple[int, bool], float] = {}
 
     @cached_property
-    def _compared(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-        """Squared residuals, place and side of each datum on each sheet, (sheet, datum), and formulas interpolated."""
+    def compared(self) -> Compared:
+        """Each datum against each sheet."""
         x, drifts = self.measured.x + self.instrument.moved_by, self._drifts
-        away, places, sides, interpolated = [], [], [], []
+        rows = []
         for sheet in self.sheets:
             low, high = sheet.place(False), sheet.place(True)
             alike = self._without_drift(sheet, x, drifts)
@@ -70,16 +87,56 @@ class Evaluation:
             total = self._squares(columns, np.arange(len(x)))
             side = np.where(alike < low, -1, np.where(alike > high, 1, 0))
             open_end = ((side < 0) & (sheet.ends[0] is None)) | ((side > 0) & (sheet.ends[1] is None))
-            away.append(np.where(open_end | ~np.isfinite(total), np.inf, total))
-            places.append(place)
-            sides.append(side)
-            interpolated.append(columns)
-        table = np.array(away)
+            away = np.where(open_end | ~np.isfinite(total), np.inf, total)
+            inside = (alike >= sheet.bounds[0]) & (alike <= sheet.bounds[1]) & np.isfinite(away)
+            rows.append((away, place, side, np.abs(alike - place), inside, columns))
+        table, places, sides, past, within, interpolated = map(np.array, zip(*rows, strict=True))
         lost = ~np.isfinite(table.min(axis=0))
         if lost.any():
             what = f"stable sheet at {self.measured.along} = {x[lost][0]:.6g}"
             raise ConvergenceError(what, math.inf, 0, f"{lost.sum()} of {len(x)} data lie where no sheet is")
-        return table, np.array(places), np.array(sides), np.array(interpolated)
+        apart = self._apart(past, sides, within)
+        return Compared(table + apart**2, places, sides, past, apart, within, interpolated)
+
+    def _apart(
+        self, past: NDArray[np.float64], sides: NDArray[np.int64], inside: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Return distances of data from the ends of sheets, in standard errors.
+
+        Where no sheet is, the data tell the place of an end to within the distance of the next datum: as of a jump, one
+        standard error is that of an equal distribution over it.
+        """
+        if math.isinf(self.allowance):
+            return np.zeros(past.shape)
+        lengths = np.array([np.ptp(sheet.bounds) for sheet in self.sheets])[:, None]
+        below, above = self.measured.spacing
+        next_one = np.where(sides > 0, below, above)
+        other = np.where(sides > 0, above, below)
+        spread = np.where(np.isfinite(next_one), next_one, np.where(np.isfinite(other), other, lengths))
+        units = np.where(inside.any(axis=0), self.allowance, spread / math.sqrt(12.0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            apart = np.where(past > 0.0, past / units, 0.0)
+        return np.where(inside, 0.0, apart) if self.allowance == 0.0 else apart
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Whether the sheet of each datum exists at the datum's own place, shape (datum,)."""
+        sheets, _, _ = self.assigned
+        return np.asarray(self.compared.inside[sheets, np.arange(len(sheets))])
+
+    @property
+    def beyond(self) -> NDArray[np.float64]:
+        """How far each datum lies beyond the end of its sheet, where no sheet exists; 0 of all others."""
+        sheets, _, _ = self.assigned
+        nowhere = ~self.compared.inside.any(axis=0)
+        return np.where(nowhere, self.compared.past[sheets, np.arange(len(sheets))], 0.0)
+
+    @property
+    def overhang(self) -> float:
+        """How far, at most, a datum lies beyond the end of its sheet while another sheet exists at its place."""
+        sheets, _, _ = self.assigned
+        past = self.compared.past[sheets, np.arange(len(sheets))]
+        return float(np.max(past[~self.reached & self.compared.inside.any(axis=0)], initial=0.0))
 
     def _squares(self, seen: NDArray[np.float64], data: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the sums of squared residuals of some data, for formulas of shape (formula, datum)."""
@@ -95,7 +152,7 @@ class Evaluation:
 
         Orbits decide between sheets of which interpolation does not tell the nearest.
         """
-        table, places, sides, _ = self._compared
+        table, places, sides, _, apart, *_ = self.compared
         every, nearest = np.arange(table.shape[1]), np.argmin(table, axis=0)
         unsure = np.sqrt(table) <= np.sqrt(table.min(axis=0)) + _UNSURE
         x = self.measured.x + self.instrument.moved_by
@@ -104,15 +161,17 @@ class Evaluation:
             for k in np.flatnonzero(unsure[:, i]).tolist():
                 with suppress(ConvergenceError):  # next to an end there may be no orbit
                     key = k, float(places[k, i]), int(sides[k, i]), float(x[i]), float(self._drifts[i])
-                    exact[k] = float(self._squares(self._observed(*key)[0][:, None], np.array([i]))[0])
+                    squares = self._squares(self._observed(*key)[0][:, None], np.array([i]))
+                    exact[k] = float(squares[0] + apart[k, i] ** 2)
             nearest[i] = min(exact, key=exact.__getitem__, default=nearest[i])
         return nearest, places[nearest, every], sides[nearest, every]
 
     @cached_property
     def rough(self) -> NDArray[np.float64]:
         """Residuals from observables interpolated between the branches' points: no orbit is solved for them."""
-        table, _, _, interpolated = self._compared
-        return self._residuals(interpolated[np.argmin(table, axis=0), :, np.arange(table.shape[1])].T)
+        found = self.compared
+        nearest, every = np.argmin(found.squares, axis=0), np.arange(found.squares.shape[1])
+        return self._residuals(found.seen[nearest, :, every].T, found.apart[nearest, every])
 
     @property
     def _drifts(self) -> NDArray[np.float64]:
@@ -237,14 +296,20 @@ class Evaluation:
 
         A special point that the model lacks counts with the range of the data.
         """
-        return self._residuals(self.seen)
+        return self._residuals(self.seen, self._apart_of_data)
 
-    def _residuals(self, seen: NDArray[np.float64]) -> NDArray[np.float64]:
-        every = np.arange(len(self.measured))
-        parts = [
-            channel.residual(seen[self._of(channel.formulas)], every, self.instrument.factor(channel.name)).ravel()
-            for channel in self.measured.channels
-        ]
+    @property
+    def _apart_of_data(self) -> NDArray[np.float64]:
+        """Distance of each datum from the end of its sheet, in standard errors."""
+        sheets, _, _ = self.assigned
+        return np.asarray(self.compared.apart[sheets, np.arange(len(sheets))])
+
+    def _residuals(self, seen: NDArray[np.float64], apart: NDArray[np.float64]) -> NDArray[np.float64]:
+        every, share = np.arange(len(self.measured)), apart / math.sqrt(self.measured.rows)
+        parts = []
+        for channel in self.measured.channels:
+            away = channel.residual(seen[self._of(channel.formulas)], every, self.instrument.factor(channel.name))
+            parts.append(np.where(share > 0.0, np.copysign(np.hypot(away, share), away), away).ravel())
         span = float(np.ptp(self.measured.x)) or 1.0
         ends = [
             (span if one is None else beyond(point, self._place_of(point, one))[0]) / point.sigma
@@ -278,6 +343,7 @@ class Evaluation:
         slopes = np.zeros((len(formulas), count, len(self.names)))
         own = [self.names.index(name) for name in names]
         ends: dict[tuple[int, bool], NDArray[np.float64]] = {}
+        moves = np.zeros((count, len(self.names)))  # of the distances from the ends of sheets
         for i, (sheet, place, side, x, drift) in enumerate(self._keys):
             _, by_all, inset = self._observed(sheet, place, side, x, drift)
             slopes[:, i, own] = by_all[:, :-2]
@@ -290,6 +356,12 @@ class Evaluation:
                 if end not in ends:
                     ends[end] = self.sheets[sheet].place_slopes(side > 0, names, inset)
                 slopes[:, i, own] += by_all[:, -1:] * ends[end]
+                moves[i, own] = -side * ends[end]
+                if self.instrument.offset in self.names:
+                    moves[i, self.names.index(self.instrument.offset)] = side
+                if self.instrument.drift in self.names:
+                    end_move = self._end_move(self.sheets[sheet], side > 0)
+                    moves[i, self.names.index(self.instrument.drift)] = -side * passed[i] * end_move
         parts = []
         for channel in self.measured.channels:
             of, gain = self._of(channel.formulas), self.instrument.factor(channel.name)
@@ -297,25 +369,43 @@ class Evaluation:
             table = rows.swapaxes(0, 1)
             if self.instrument.gain in self.names and channel.name in self.instrument.scaled:
                 table[:, :, self.names.index(self.instrument.gain)] = channel.by_gain(self.seen[of])
-            parts.append(table.reshape(-1, len(self.names)))
+            parts.append(self._with_distances(channel, table, moves).reshape(-1, len(self.names)))
         for point, one in zip(self.measured.points, self.special, strict=True):
             parts.append(self._point_slopes(point, one)[None, :] / point.sigma)
         if self.beforehand is not None:
             parts.append(self.beforehand[1])
         return np.concatenate(parts)
 
+    def _with_distances(
+        self, channel: Channel, table: NDArray[np.float64], moves: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return derivatives of residuals that contain distances from ends, from those without, (row, datum, vary)."""
+        apart, (sheets, _, _) = self._apart_of_data, self.assigned
+        for i in np.flatnonzero(apart > 0.0).tolist():
+            gain = self.instrument.factor(channel.name)
+            away = channel.residual(self.seen[self._of(channel.formulas), i], i, gain)
+            share = apart[i] / self.measured.rows
+            grown = share * apart[i] / self.compared.past[sheets[i], i] * moves[i]
+            whole = np.copysign(np.hypot(away, math.sqrt(share * apart[i])), away)
+            table[:, i] = (away[:, None] * table[:, i] + grown) / whole[:, None]
+        return table
+
     def _point_slopes(self, point: MeasuredPoint, one: SpecialPoint | None) -> NDArray[np.float64]:
         """Return the derivatives of the distance between a special point of the model and a measured one."""
-        found = np.zeros(len(self.names))
         if one is None:
-            return found
+            return np.zeros(len(self.names))
+        return self.point_moves(point, one)[1] * beyond(point, self._place_of(point, one))[1]
+
+    def point_moves(self, point: MeasuredPoint, one: SpecialPoint) -> tuple[float, NDArray[np.float64]]:
+        """Return by how much a special point of the model lies off a measured one, and its derivatives."""
+        found = np.zeros(len(self.names))
         names = self.instrument.of_model(self.names)
         found[[self.names.index(name) for name in names]] = _moved(one, names) if names else 0.0
         if self.instrument.offset in self.names:
             found[self.names.index(self.instrument.offset)] = -1.0
         if self.instrument.drift in self.names:
             found[self.names.index(self.instrument.drift)] = self.measured.passed_at(point) * self._drift_of(one)
-        return found * beyond(point, self._place_of(point, one))[1]
+        return self._place_of(point, one) - point.value, found
 
 
 def _moved(point: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:

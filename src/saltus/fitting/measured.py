@@ -153,6 +153,13 @@ class Measured:
         times = np.arange(len(self), dtype=float) if self.times is None else self.times
         return np.asarray((times - times.min()) / (float(np.ptp(times)) or 1.0))
 
+    @property
+    def spacing(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distance of each datum from the next one below and above; infinite where there is none."""
+        places, back = np.unique(self.x, return_inverse=True)
+        gaps = np.concatenate([[np.inf], np.diff(places), [np.inf]])
+        return gaps[back], gaps[back + 1]
+
     def check_times(self) -> None:
         """Raise `InputError` where all data have one time, so that nothing can have drifted."""
         if self.times is not None and not np.ptp(self.times) > 0.0:

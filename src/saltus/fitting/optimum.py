@@ -69,6 +69,7 @@ class Objective:
     evaluations: int = 0  # how often the model was compared with the data
     refused: int = 0  # how many of the last parameters were refused, one after the other
     instrument: Instrument = field(default_factory=Instrument)  # unknowns of the measurement
+    allowance: float = np.inf  # of `Evaluation`: how far data may lie beyond the ends of sheets
 
     def at(self, values: NDArray[np.float64]) -> Evaluation:
         """Return the data against the model at values of the parameters.
@@ -124,7 +125,7 @@ class Objective:
         if anew or any(known[0].parameters[name] != value for name, value in changes.items()):
             known = (self.trace.anew if anew else self.trace)(changes)
         beforehand = self.priors.residuals(values), self.priors.jacobian(len(values))
-        found = Evaluation(self.measured, known, self.names, beforehand, own)
+        found = Evaluation(self.measured, known, self.names, beforehand, own, self.allowance)
         self.evaluations += 1
         return found
 

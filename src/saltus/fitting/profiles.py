@@ -23,8 +23,9 @@ __all__ = ["Profiles"]
 
 _MOST = 12  # evaluations of the model for one point of a profile, at most
 _ACCURACY = 1e-4  # relative change of the loss that ends the search for one point
+_SEARCHES = 2  # for one point, each from where the last one ended, at most
 _BETTER = 1e-2  # fall of the loss below that of the optimum that is more than rounding
-_SECANTS = 6  # steps of the secant method on one side of a profile, at most
+_SECANTS = 10  # steps of the secant method on one side of a profile, at most
 _NEAR = 0.1  # distance of a profile's square root from 1 at which one more secant tells where it is 1
 
 
@@ -60,7 +61,8 @@ class Profiles:
     def _end(self, index: int, sign: float) -> float:
         """Return where the square root of the profile's rise is 1, by the secant method, exact for a parabola.
 
-        Where the profile stays below up to a bound, the bound is returned.
+        Where the profile stays below up to a bound, the bound is returned. Where it jumps past 1, as at the end of a
+        sheet, the jump is bisected.
 
         Raises
         ------
@@ -72,7 +74,7 @@ class Profiles:
             return limit
         error = float(np.sqrt(self.spread[index, index]))
         direction = self.spread[:, index] / self.spread[index, index]
-        near, root_near, trial = 0.0, 0.0, sign * error
+        near, root_near, trial, below, above = 0.0, 0.0, sign * error, 0.0, np.inf
         for _ in range(_SECANTS):
             there = max(trial, limit - best) if sign < 0.0 else min(trial, limit - best)
             if there == near:  # the bound once more, where the profile is above 1
@@ -84,22 +86,31 @@ class Profiles:
             root = float(np.sqrt(max(fitted.loss - self.found.loss, 0.0)))
             if there == limit - best and root < 1.0:
                 return limit
+            below, above = (max(below, abs(there)), above) if root < 1.0 else (below, min(above, abs(there)))
+            if above - below <= _NEAR * above and abs(root - 1.0) > _NEAR:
+                return best + 0.5 * sign * (below + above)
             direction = (fitted.values - self.found.values) / there
             slope = (root - root_near) / (there - near) if root != root_near else sign / error
             near, root_near, trial = there, root, there + (1.0 - root) / slope
             if abs(root - 1.0) <= _NEAR:
                 return float(np.clip(best + trial, *self.bounds[:, index]))
             trial = sign * float(np.clip(abs(trial), 0.1 * error, 10.0 * error))
+            if below > 0.0 and not below < abs(trial) < above:
+                trial = 0.5 * sign * (below + above) if np.isfinite(above) else 2.0 * sign * below
         raise ConvergenceError("end of a profile", abs(root_near - 1.0), _SECANTS)
 
     def _fitted(self, index: int, value: float, change: NDArray[np.float64]) -> Minimum:
         """Return the best fit with one parameter held at a value, sought from a change of the optimum."""
         start = np.clip(self.found.values + change, *self.bounds)
         start[index] = value
-        there = minimised(self.objective, start, self.bounds, fixed=(index,), most=_MOST, accuracy=_ACCURACY)
-        if there.is_interrupted:
-            raise KeyboardInterrupt
-        if there.stopped not in (FOUND, NOTHING):
+        for _ in range(_SEARCHES):
+            there = minimised(self.objective, start, self.bounds, fixed=(index,), most=_MOST, accuracy=_ACCURACY)
+            if there.is_interrupted:
+                raise KeyboardInterrupt
+            if there.stopped in (FOUND, NOTHING):
+                break
+            start = there.values
+        else:
             raise ConvergenceError(
                 f"fit at {self.objective.names[index]} = {value:.6g}", there.loss, _MOST, there.stopped
             )

@@ -74,7 +74,8 @@ def remedy_of(found: Evaluation, values: NDArray[np.float64], bounds: NDArray[np
     names = (*found.names, *candidates)
     known = replace(whole, values={name: found.instrument.value(name) for name in found.names})
     try:
-        wide = Evaluation(found.measured, found.branches, names, _with_more(found, len(candidates)), known)
+        beforehand = _with_more(found, len(candidates))
+        wide = Evaluation(found.measured, found.branches, names, beforehand, known, found.allowance)
         residuals, jacobian = wide.residuals, wide.jacobian
     except (ConvergenceError, InputError) as error:
         return f"whether {' or '.join(candidates)} would help is not known: {error}"

@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.contents import checked_texts
 from saltus.continuation import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
 from saltus.described import described
-from saltus.errors import InputError
 from saltus.extras import check_installed
 from saltus.fitting.goodness import misfit_of
 from saltus.fitting.instrument import Instrument
 from saltus.fitting.optimum import FOUND
 from saltus.fitting.search import WILD
+from saltus.fitting.stored import data_of, formulas_of, instrument_of, limited_of, limits_of
 from saltus.result import Result, frozen
 from saltus.system.plain import held_system
 
@@ -61,10 +60,10 @@ class Fit(Result):
     branches : tuple of Branch
         The model's branches at the best values.
     data : xarray.Dataset
-        Along ``datum``: ``x``, the number of the ``sheet``, its ``side`` (-1 or 1 beyond an end, 0 within), and
-        ``direction``. Along ``datum`` and ``row``: ``residual``, in standard errors. Along ``datum`` and ``channel``:
-        ``measured``, ``model`` and ``sigma``; ``_im`` is added for imaginary parts. Along ``special_datum``: measured
-        special points.
+        Along ``datum``: ``x``, the number of the ``sheet``, its ``side`` (-1 or 1 at or beyond an end, 0 within),
+        ``beyond`` (how far beyond the end, where no stable orbit exists, else 0), and ``direction``. Along ``datum``
+        and ``row``: ``residual``, in standard errors. Along ``datum`` and ``channel``: ``measured``, ``model`` and
+        ``sigma``; ``_im`` is added for imaginary parts. Along ``special_datum``: measured special points.
     formulas : mapping of str to tuple of str
         The observables of each channel: one, or amplitude and phase of complex data.
     evaluations : int
@@ -73,6 +72,10 @@ class Fit(Result):
         Why the search ended.
     notes : tuple of str
         What was found about the data, and what they do not tell.
+    limits : mapping of str to str
+        What limits parameters within their errors, in words: the end of a sheet, the reach of a jump, a bound.
+    limited : mapping of str to (float, float)
+        Intervals of these parameters: where the loss has risen by 1, or their limit.
     instrument : Instrument
         What the measurement does to the model's curve: offset, gain and drift.
     remedy : str
@@ -110,6 +113,8 @@ class Fit(Result):
     notes: tuple[str, ...] = ()
     instrument: Instrument = field(default_factory=Instrument)
     remedy: str = ""
+    limits: Mapping[str, str] = field(default_factory=dict)
+    limited: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("values", "start", "bounds", "covariance"):
@@ -126,8 +131,28 @@ class Fit(Result):
 
     @property
     def errors(self) -> dict[str, float]:
-        """Standard errors of the varied parameters, by linear theory."""
-        return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        """Standard errors of the varied parameters.
+
+        They are those of linear theory, but of parameters in `limits` the greater part of the interval.
+        """
+        found = dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        parts = {name: max(self[name] - low, high - self[name]) for name, (low, high) in self.limited.items()}
+        return found | {name: part for name, part in parts.items() if part > 0.0}
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Intervals of the varied parameters, which contain the true values in 68.3 % of all measurements.
+
+        They are those of limited parameters, profiles where these were computed, else value and standard error.
+        Intervals that a reach or a bound limits contain true values more often.
+        """
+        plain = {name: (self[name] - error, self[name] + error) for name, error in self.errors.items()}
+        return plain | dict(self.profiles) | dict(self.limited)
+
+    @property
+    def beyond(self) -> tuple[int, ...]:
+        """Rows of data at whose places the model has no stable orbit: they cost their distance from the next sheet."""
+        return tuple(np.flatnonzero(self.data["beyond"].to_numpy() > 0.0).tolist())
 
     @property
     def correlation(self) -> pd.DataFrame:
@@ -279,6 +304,9 @@ class Fit(Result):
                 np.array([self.profiles.get(n, (np.nan, np.nan)) for n in self.names]),
             ),
         }
+        if self.limited:
+            rows = [self.limited.get(name, (np.nan, np.nan)) for name in self.names]
+            own["limited"] = (("vary", "profile_end"), np.array(rows))
         own |= {f"fit_{name}": variable.variable for name, variable in self.data.data_vars.items()}
         coords |= {"vary": list(self.names), "channel": self.data["channel"].to_numpy()}
         attrs = {
@@ -291,6 +319,7 @@ class Fit(Result):
             "ragged": RAGGED,
             "instrument": json.dumps(asdict(self.instrument)),
             "remedy": self.remedy,
+            "limits": json.dumps(dict(self.limits)),
         }
         return xr.Dataset(data | own, coords, attrs)
 
@@ -299,7 +328,7 @@ class Fit(Result):
         system, along = held_system(held), held.text("along")
         checks.chosen("attribute 'along'", along, system.parameter_names)
         names = tuple(map(str, held.array("vary", ("vary",), str).tolist()))
-        instrument = _instrument_of(held)
+        instrument = instrument_of(held)
         for name in names:
             checks.chosen("vary", name, [*system.parameter_names, *instrument.names])
         count = len(names)
@@ -316,8 +345,8 @@ class Fit(Result):
             bounds=held.array("bound", ("bound_end", "vary")),
             covariance=covariance,
             branches=tuple(branch for branch in found if branch is not None),
-            data=_data_of(held),
-            formulas=_formulas_of(held),
+            data=data_of(held),
+            formulas=formulas_of(held),
             evaluations=held.count("evaluations"),
             stopped=held.text("stopped"),
             profiles={
@@ -328,6 +357,8 @@ class Fit(Result):
             notes=tuple(held.texts("notes")),
             instrument=instrument,
             remedy=held.text("remedy") if "remedy" in held.dataset.attrs else "",
+            limits=limits_of(held, names),
+            limited=limited_of(held, names),
         )
 
     def __repr__(self) -> str:
@@ -353,10 +384,11 @@ class Fit(Result):
         return "\n".join([*lines, f"  {self.stopped}, after {self.evaluations} evaluations"])
 
     def _interval(self, name: str) -> str:
-        if name not in self.profiles:
+        if name not in self.profiles and name not in self.limited:
             return ""
-        low, high = self.profiles[name]
-        return f", profile {low:.6g} to {high:.6g}"
+        (low, high), kind = self.intervals[name], "profile" if name in self.profiles else "interval"
+        limit = f", limited by {self.limits[name]}" if name in self.limits else ""
+        return f", {kind} {low:.6g} to {high:.6g}{limit}"
 
     def _outlying(self) -> list[str]:
         """Return in words which data are outliers, and chi2 with and without these."""
@@ -376,65 +408,18 @@ class Fit(Result):
 
     def _sheets(self) -> list[str]:
         """Return in words how the data lie on the sheets."""
-        sheet, side = self.data["sheet"].to_numpy(), self.data["side"].to_numpy()
+        sheet = self.data["sheet"].to_numpy()
         told = [f"sheet {number}: {int((sheet == number).sum())} data" for number in np.unique(sheet)]
         lines = [", ".join(told)]
-        if beyond := int((side != 0).sum()):
-            lines.append(f"{beyond} data lie beyond the end of their sheet, and are compared with its last orbits")
+        for row in self.beyond:
+            way, away = str(self.data["direction"].to_numpy()[row]), float(self.data["beyond"][row])
+            at = f"{self.along} = {float(self.data['x'][row]):.9g}{way and f', {way}'}"
+            lines.append(
+                f"datum {row} at {at} lies {away:.3g} beyond the end of sheet {sheet[row]}: the model has no stable"
+                " orbit there, and the distance counts"
+            )
         if self._off:
             lines.append(f"{self._off} data lie more than {_OFF:g} standard errors off every stable sheet")
         if missed := int((np.abs(self.data["special_residual"].to_numpy()) > _OFF).sum()):
             lines.append(f"{missed} special points lie more than {_OFF:g} standard errors off those of the model")
         return lines
-
-
-def _data_of(held: Contents) -> xr.Dataset:
-    """Return the data in a file, checked."""
-    from saltus.extras import xr
-
-    each = ("datum", "channel")
-    held.size("datum", least=1)
-    held.size("row", least=1)
-    names = held.array("channel", ("channel",), str)
-    data: dict[str, Any] = {"x": ("datum", held.array("fit_x", ("datum",)))}
-    data["side"] = ("datum", held.array("fit_side", ("datum",), int, least=-1, most=1))
-    data["sheet"] = ("datum", held.array("fit_sheet", ("datum",), int, least=0))
-    data["direction"] = ("datum", held.array("fit_direction", ("datum",), str))
-    data["residual"] = (("datum", "row"), held.array("fit_residual", ("datum", "row")))
-    for name in ("measured", "measured_im", "model", "model_im", "sigma"):
-        data[name] = (each, held.array(f"fit_{name}", each))
-    for name in ("special_value", "special_sigma", "special_residual"):
-        data[name] = ("special_datum", held.array(f"fit_{name}", ("special_datum",)))
-    reach = held.array("fit_special_reach", ("special_datum",)) if "fit_special_reach" in held.dataset else None
-    data["special_reach"] = ("special_datum", np.zeros(held.size("special_datum")) if reach is None else reach)
-    data["turn"] = ("channel", held.array("fit_turn", ("channel",), least=0.0))
-    data["special_type"] = ("special_datum", held.array("fit_special_type", ("special_datum",), str))
-    return xr.Dataset(data, {"channel": names})
-
-
-def _formulas_of(held: Contents) -> dict[str, tuple[str, ...]]:
-    """Return the observables of the channels in a file, checked."""
-    names = held.array("channel", ("channel",), str).tolist()
-    found = {
-        name: tuple(checked_texts(one, f"formulas of {name}")) for name, one in held.json("formulas", dict).items()
-    }
-    if list(found) != names or sum(map(len, found.values())) != held.size("row"):
-        raise InputError("attribute 'formulas'", list(found), f"one for each row of residuals of {', '.join(names)}")
-    return found
-
-
-def _instrument_of(held: Contents) -> Instrument:
-    """Return the unknowns of the measurement in a file; none of a file that has none."""
-    if "instrument" not in held.dataset.attrs:
-        return Instrument()
-    table = held.json("instrument", dict)
-    try:
-        offset, gain, drift = (checks.text(name, table[name]) for name in ("offset", "gain", "drift"))
-        drifting, values = (
-            {key: checks.number(f"{name} of {key}", value) for key, value in table[name].items()}
-            for name in ("drifting", "values")
-        )
-        scaled = tuple(checked_texts(table["scaled"], "scaled"))
-        return Instrument(offset, gain, scaled, drift, drifting, values)
-    except (KeyError, AttributeError) as error:
-        raise InputError("attribute 'instrument'", table, "offset, gain, drift, scaled, drifting, values") from error

@@ -22,7 +22,7 @@ from saltus.fitting.optimum import INTERRUPTED, Minimum, Objective, minimised
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["WILD", "largest_chi2", "searched"]
+__all__ = ["WILD", "fits", "largest_chi2", "searched"]
 
 _FAR = 5.0  # excess of chi2/n over 1, in its standard deviations, from which the data do not fit
 WILD = 0.05  # share of residuals, and at least those of one datum, that may be wild where all others fit
@@ -63,7 +63,7 @@ def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[n
         As by `minimised`.
     """
     best = _from(objective, start, bounds, most)
-    if best.is_interrupted or _fits(best):
+    if best.is_interrupted or fits(best):
         return best
     searches, agreeing, ended = 1, 0, False
     try:
@@ -84,17 +84,17 @@ def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[n
                 best, agreeing = found, 0
             if found.is_interrupted:
                 return replace(best, stopped=found.stopped)
-            if _fits(best) or agreeing == _AGREEING:
+            if fits(best) or agreeing == _AGREEING:
                 break
     except KeyboardInterrupt:
         return replace(best, stopped=INTERRUPTED)
-    if _fits(best):
+    if fits(best):
         return best
     told = ", and no more evaluations are allowed" if ended else ""
     return replace(best, stopped=f"no better fit is found from {searches} starts{told}")
 
 
-def _fits(found: Minimum) -> bool:
+def fits(found: Minimum) -> bool:
     """Whether all data fit but a few wild ones, which no other start would mend."""
     residuals, rows = found.evaluation.residuals, found.evaluation.measured.rows
     kept = np.sort(np.abs(residuals))[: residuals.size - max(rows, int(WILD * residuals.size))]

@@ -119,8 +119,22 @@ def fit_rows(fit: Fit, points: int) -> list[Row]:
     rows.append(equal("covariance is that of errors", True, _is_covariance(fit.covariance, spread)))
     for name, (low, high) in fit.profiles.items():
         rows.append(equal(f"{name} within its profile", True, bool(low <= fit[name] <= high)))
+    for name, (low, high) in fit.limited.items():
+        rows.append(equal(f"{name} within its interval", True, bool(low <= fit[name] <= high)))
     rows += [*_residuals(fit), unchecked("covariance", float(spread[0]), "what is known beforehand is not kept")]
-    return [*rows, *_model(fit, points)]
+    return [*rows, *_beyond(fit), *_model(fit, points)]
+
+
+def _beyond(fit: Fit) -> Iterator[Row]:
+    """Yield whether the branches have no stable orbit at data that lie beyond the ends of sheets."""
+    for row in fit.beyond if not fit.instrument.names else ():
+        x, stable = float(fit.data["x"][row]), 0
+        for branch in fit.branches:
+            try:
+                stable += sum(orbit.stable and orbit.admissible for orbit in branch.at(x))
+            except SaltusError:  # a branch that does not come to the datum
+                continue
+        yield equal(f"stable orbits at datum {row}", 0, stable)._replace(place=f"{fit.along} = {x:.6g}")
 
 
 def _is_covariance(table: NDArray[np.float64], spread: NDArray[np.float64]) -> bool:
@@ -135,7 +149,7 @@ def _is_covariance(table: NDArray[np.float64], spread: NDArray[np.float64]) -> b
 def _residuals(fit: Fit) -> Iterator[Row]:
     """Yield whether the residuals of real data within their sheets are the difference of data and model by sigma."""
     data = fit.data
-    within = data["side"].to_numpy() == 0
+    within = data["beyond"].to_numpy() == 0.0  # beyond the end of its sheet a datum costs its distance, too
     for c, channel in enumerate(map(str, data["channel"].to_numpy().tolist())):
         formulas = fit.formulas.get(channel, ())
         if len(formulas) != 1 or read_formula(fit.system, formulas[0]).turn:
@@ -145,7 +159,7 @@ def _residuals(fit: Fit) -> Iterator[Row]:
         if np.all(np.sign(said[within]) == -np.sign(found[within])):
             found = -found
         off = np.where(within & np.isfinite(found), np.abs(said - found), 0.0)
-        i = int(np.argmax(off))
+        i = int(np.argmax(np.where(within, off, -1.0)))
         allowed = VERIFIED_VALUE * max(1.0, abs(float(found[i])))
         yield compared(f"residual of {channel}", float(said[i]), float(found[i]), allowed)._replace(place=f"datum {i}")
 
@@ -168,15 +182,21 @@ def _model(fit: Fit, points: int) -> Iterator[Row]:
 def _model_at(fit: Fit, formula: str, channel: str, i: int, c: int) -> Row:
     x, said = float(fit.data["x"][i]), float(fit.data["model"].to_numpy()[i, c])
     found: list[float] = []
+    stable: list[float] = []
     for branch in fit.branches:
         try:
-            found += [_observed(orbit, formula) for orbit in branch.at(x)]
+            orbits = branch.at(x)
         except SaltusError:  # a branch that does not come to the datum
             continue
+        found += [_observed(orbit, formula) for orbit in orbits]
+        stable += [value for value, orbit in zip(found[-len(orbits) :], orbits, strict=True) if orbit.stable]
     what, place = f"model of {channel}", f"{fit.along} = {x:.6g}"
     if not found:
         return unchecked(what, said, "no orbit is found there")._replace(place=place)
     near = min(found, key=lambda value: abs(value - said))
+    if stable and len(fit.formulas) == 1 and not read_formula(fit.system, formula).turn:
+        measured = float(fit.data["measured"].to_numpy()[i, c])
+        near = min(stable, key=lambda value: abs(value - measured))
     return compared(what, said, near, ILL_CONDITIONED * max(abs(near), 1.0))._replace(place=place)
 
 

@@ -176,8 +176,7 @@ def several_critical(
     most : int, optional
         Parts of the step that are looked at before it is not known; by default as many as it takes.
     touches : bool
-        Whether the first function is known to vanish twice, as where a value touches 0 or 1 on a branch that turns at a
-        pitchfork.
+        Whether the first function is known to vanish twice, as at the vertex of a pitchfork.
     centre : ndarray, optional
         The values in the middle of the step, where these are known.
     """
