@@ -138,7 +138,7 @@ def test_an_orbit_or_a_branch_is_no_special_point(logistic):
 
 
 def test_at_a_fold_no_other_branch_meets(henon):
-    message = "point = 'SN': must be of type PD, BP, GR or HB; no other branch meets there"
+    message = "point = 'SN': must be of type PD, BP, GR, HB or BE; no other branch meets there"
     refuse(message, lambda: switch_branch(henon["SN1"]))
 
 

@@ -14,11 +14,13 @@ from saltus.continuation.core.interest import Interest
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.core.zero_problem import correct
+from saltus.continuation.problems.boundary import TWO_FOLD
+from saltus.continuation.problems.ends.boundary_cycles import cycles_at_boundary
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.problems.margins import run_out, timed
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.continuation.runs.births import cycle_born, equilibrium_of_cycle, other_equilibria
+from saltus.continuation.runs.births import AMPLITUDES, cycle_born, equilibrium_of_cycle, other_equilibria
 from saltus.continuation.runs.map_switching import other_orbits
 from saltus.continuation.runs.options import check_along_parameter
 from saltus.continuation.runs.sizes import other_than, upwards
@@ -63,11 +65,12 @@ def switch_branch(point: SpecialPoint[Any], which: int = 0, *, to: type[Solution
     Parameters
     ----------
     point : SpecialPoint
-        Of orbits: a PD, BP, GR or HB of a branch, or a PD or GR of a locus. Of equilibria: an HB or BP of a branch. Of
-        orbits of a map: a PD or BP of a branch, or a PD of a locus.
+        Of orbits: a PD, BP, GR, HB or BE of a branch, or a PD or GR of a locus. Of equilibria: an HB, BP or BE of a
+        branch. Of orbits of a map: a PD or BP of a branch, or a PD of a locus.
     which : int
         Which of the other branches, from 0 on. There are several where several directions cross at once, as by
-        symmetry: at a BP of equilibria, and at a BP or PD of a map. Of periodic orbits one is given then.
+        symmetry: at a BP of equilibria, and at a BP or PD of a map. Of periodic orbits one is given then. At a BE there
+        may be several cycles.
     to : type
         The class of the solution that is wanted, as ``PeriodicOrbit``; type checkers know by it what comes back. By
         default any: the point's type decides.
@@ -78,8 +81,9 @@ def switch_branch(point: SpecialPoint[Any], which: int = 0, *, to: type[Solution
         At a PD an orbit of doubled period, at a BP an orbit of the other branch. Both lie a short step from the point
         and have their own value of the parameter. At a GR the grazing orbit itself in a neighbouring signature: the
         second of `grazing_orbits`. `continue_orbit` follows the branch through the orbit. At an HB of equilibria a
-        small cycle, at an HB of cycles the equilibrium. At a BC where an equilibrium meets an event of the cycle this
-        equilibrium. At a BP of equilibria an equilibrium of the other branch, for `continue_equilibrium`.
+        small cycle, at an HB or BE of cycles the equilibrium. At a BE of equilibria a small cycle that crosses the
+        surface or slides along it. At a BC where an equilibrium meets an event of the cycle this equilibrium. At a BP
+        of equilibria an equilibrium of the other branch, for `continue_equilibrium`.
 
     Raises
     ------
@@ -152,7 +156,7 @@ def _(solution: PeriodicOrbit, point: SpecialPoint[Any]) -> list[Any]:
     if point.type == "HB":
         return [equilibrium_of_cycle(solution)]
     check_along_parameter("point", point)
-    if point.homoclinic is not None and point.type in CHANGES:
+    if point.homoclinic is not None and point.type in (*CHANGES, "BE"):
         return [point.equilibrium]
     if point.type in CHANGES:
         _, *others = grazing_orbits(point)
@@ -163,7 +167,7 @@ def _(solution: PeriodicOrbit, point: SpecialPoint[Any]) -> list[Any]:
         return [doubled_orbit(point)]
     if point.type == "BP":
         return [_other(point)]
-    raise InputError("point", point.type, "of type PD, BP, GR or HB", "no other branch meets there")
+    raise InputError("point", point.type, "of type PD, BP, GR, HB or BE", "no other branch meets there")
 
 
 @other_solutions.register
@@ -174,7 +178,19 @@ def _(solution: Equilibrium, point: SpecialPoint[Any]) -> list[Any]:
         return [cycle_born(solution, parameter, sizes)]
     if point.type == "BP":
         return other_equilibria(solution, parameter, point.tangent, sizes)
-    raise InputError("point", point.type, "of type HB or BP", "no other branch meets there")
+    if point.type == "BE" and point.of and point.kind != TWO_FOLD:
+        check_along_parameter("point", point)
+        return _born_at_boundary(point, sizes)
+    raise InputError("point", point.type, "of type HB, BP or BE", "no other branch meets there")
+
+
+def _born_at_boundary(point: SpecialPoint[Equilibrium], sizes: NDArray[np.float64]) -> list[PeriodicOrbit]:
+    """Return the cycles that are born at a boundary equilibrium, one of each branch."""
+    found = cycles_at_boundary(point.equilibrium, point.varied[0], point.of, sizes, AMPLITUDES)
+    if not found:
+        hint = "no motion beside it closes, by the linear flows on both sides of the surface"
+        raise InputError("point", point.label, "a boundary equilibrium at which a cycle is born", hint)
+    return found
 
 
 def _parameter(point: SpecialPoint) -> tuple[int, float]:

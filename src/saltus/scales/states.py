@@ -74,3 +74,11 @@ STEEP = 1e3
 
 # Change of a response by rounding of the unknowns, over the response, up to which it is not rounding itself.
 RESPONSE_KNOWN = 0.5
+
+# Growth of a motion beside a boundary equilibrium, over its start, at which it does not come back: a spiral grows by as
+# much in three turns at the most for which its return has digits left.
+TURN_GROWN = 1e8
+
+# Change of such a motion in a part of its fastest time, over its size, at which it rests; half of the digits of two
+# returns that are the same.
+TURN_RESTS = 1e-10

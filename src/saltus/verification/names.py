@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["named_rows"]
 
 _KINDS = ("", "persistence", "nonsmooth fold", "two-fold")
-_BESIDE = dict.fromkeys(CHANGES, "non-smooth fold") | {"BE": "two-fold"}  # what cycles have beside a point of a branch
+_BESIDE = dict.fromkeys(CHANGES, "non-smooth fold")  # what cycles have beside a point of a branch
 _SIDES = ("smaller", "larger")  # of a grazing, where its locus meets another one
 _ZEROS = ("SN", "TP", "BP", "CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF", "EX")  # types whose tests have a size of 1
 
@@ -67,9 +67,13 @@ def _of(curve: Any, point: SpecialPoint[Any]) -> bool:
         return point.of in curve.varied
     if point.type == "EX":
         return not curve.options or point.of in _events(curve)
-    if len(curve.varied) == 1 and point.of == _BESIDE.get(point.type):
+    if len(curve.varied) == 1 and point.of == (point.kind if point.type == "BE" else _BESIDE.get(point.type)):
         return True
-    if point.of and (point.type == "BC" or accumulates(point.type, point.locus)):
+    if point.of and (
+        point.type == "BC"
+        or (point.type == "BE" and point.homoclinic is not None)
+        or accumulates(point.type, point.locus)
+    ):
         return point.of in getattr(curve.system, "transition_names", (point.of,))
     at_sides = getattr(curve, "type", "") in CHANGES
     return point.of in ("", *(_SIDES if at_sides else ()))

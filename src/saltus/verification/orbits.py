@@ -384,6 +384,8 @@ def _shrunk_rows(orbit: PeriodicOrbit) -> list[Row]:
     x = orbit.states[0].copy()
     if np.abs(np.linalg.eigvals(reference.field_slope(mode, x))).max() * abs(orbit.period) < math.pi:  # half a turn
         return [unchecked("orbit", orbit.period, "the cycle has shrunk to a point where no field vanishes")]
+    if max(orbit.form.transitions) >= 0:
+        return [unchecked("orbit", orbit.period, "the cycle has shrunk to a boundary equilibrium, which has no period")]
     for _ in range(_STEPS):
         A = reference.field_slope(mode, x)
         x = x - np.linalg.solve(A, reference.field(mode, x[:, None])[:, 0])

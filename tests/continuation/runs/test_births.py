@@ -220,7 +220,7 @@ def test_lorenz_has_both_sides_of_its_pitchfork_and_their_hopf_points():
 def test_where_no_other_branch_meets_that_is_told(hopf):
     system = fields.system(fields.TAKENS, {"b1": -1.0, "b2": -1.0})
     branch = continue_equilibrium(find_equilibrium(system, x0=[-1.0, 0.0]), "b1", (-2.0, 2.0))
-    with pytest.raises(InputError, match="point = 'SN': must be of type HB or BP; no other branch meets there"):
+    with pytest.raises(InputError, match="point = 'SN': must be of type HB, BP or BE; no other branch meets there"):
         switch_branch(branch["SN1"])
     locus = continue_locus(branch["SN1"], ("b1", "b2"), {"b1": (-1.0, 2.0), "b2": (-2.0, 2.0)})
     with pytest.raises(InputError, match="point = 'BT'"):

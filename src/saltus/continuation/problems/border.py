@@ -62,7 +62,7 @@ def beyond_border(
     if not np.all(np.abs(F) <= FIELDS_MEET * np.maximum(terms, 1e-12 * terms.max())):
         return Crossing("", beside, None, -inwards, "the map jumps there")
     # each branch's parameter, where its point moves to the side of its own piece
-    sides = [slope_of(own[:, :n], own, inwards), slope_of(J[:, :n], J, -inwards)]
+    sides = [slope_of(own[:, :n], own, inwards, sizes), slope_of(J[:, :n], J, -inwards, sizes)]
     meets_itself = shrinks_to(problem, beside.itinerary, u, sizes) is not None
     kind = "" if meets_itself or 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
     return Crossing(kind, beside, u.copy(), -inwards)

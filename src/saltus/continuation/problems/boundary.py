@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.scales import FIELDS_MEET, MET
+from saltus.scales import FIELDS_MEET, MET, SINGULAR_AT_ROUNDING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -97,11 +97,11 @@ def beyond_boundary(
     terms = (np.abs(J[:, :n]) + np.abs(A)) @ sizes
     if np.all(np.abs(F) <= FIELDS_MEET * np.maximum(terms, 1e-12 * terms.max())):
         # each branch's parameter, where its own event function grows to its regular side
-        sides = [slope_of(A, own, inwards), slope_of(J[:, :n], J, outwards)]
+        sides = [slope_of(A, own, inwards, sizes), slope_of(J[:, :n], J, outwards, sizes)]
         kind = "" if 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
         return Crossing(kind, beside, landed, outwards)
     if np.array_equal(landed, u):
-        weight = float(inwards[:n] @ np.linalg.lstsq(A, F, rcond=None)[0])
+        weight = float(inwards[:n] @ _moved(A, F, sizes))
         kind = "" if weight == 0.0 else PERSISTS if weight < 0.0 else FOLDS
         return Crossing(kind, beside, None, -inwards, "the field jumps: what goes on is a pseudo-equilibrium")
     return Crossing("", beside, None, -inwards, f"its reset by {leaves.name} is no equilibrium")
@@ -122,8 +122,16 @@ def _regular_side(
     return otherwise
 
 
-def slope_of(A: NDArray[np.float64], J: NDArray[np.float64], inwards: NDArray[np.float64]) -> float:
+def slope_of(
+    A: NDArray[np.float64], J: NDArray[np.float64], inwards: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> float:
     """Return the sign of the parameter's change for which an equilibrium moves to the regular side; 0 for none."""
     n = A.shape[0]
-    moved = np.linalg.lstsq(A, -J[:, n], rcond=1e-12)[0]
-    return float(np.sign(inwards[:n] @ moved + inwards[n]))
+    return float(np.sign(inwards[:n] @ _moved(A, -J[:, n], sizes) + inwards[n]))
+
+
+def _moved(A: NDArray[np.float64], F: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the states that a matrix takes to `F`, the least ones of several; equations and states in their units."""
+    terms = np.abs(A) @ sizes
+    rows = np.where(terms > 0.0, terms, float(terms.max()) or 1.0)
+    return np.asarray(sizes * np.linalg.lstsq(A * sizes / rows[:, None], F / rows, rcond=SINGULAR_AT_ROUNDING)[0])

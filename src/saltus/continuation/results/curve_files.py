@@ -76,7 +76,9 @@ def special_variables(
         return np.array(rows, dtype=np.float64).reshape(len(rows), width)
 
     width = multipliers
-    further = {} if len(freed) < len(orbits) or not freed else {"special_freed": ("special", _numbers(freed))}
+    kinds = [point.kind for point in specials]
+    told = {"special_kind": ("special", texts_array(kinds))} if any(kinds) else {}
+    further = told if len(freed) < len(orbits) or not freed else told | {"special_freed": ("special", _numbers(freed))}
     return further | {
         "special_type": ("special", texts_array([point.type for point in specials])),
         "special_label": ("special", texts_array([point.label for point in specials])),
@@ -190,7 +192,10 @@ def special_points_of(
     if "special_implicit" in held.dataset:  # absent from earlier files
         implicit = held.array("special_implicit", special, bool)
     freed = held.array("special_freed", special, finite=False) if "special_freed" in held.dataset else None
-    events = [of if type_ == "BC" else "" for type_, of in zip(text["type"], text["of"], strict=True)]
+    kinds = text["type"].size * [""]
+    if "special_kind" in held.dataset:  # of points that have none, and in earlier files, it is absent
+        kinds = held.array("special_kind", special, str).tolist()
+    events = [of if type_ in ("BC", "BE") else "" for type_, of in zip(text["type"], text["of"], strict=True)]
     saddles = _saddles_of(held, system, parameters, varied, [forms[i].modes[0] for i in number.tolist()], events)
     specials = []
     for i, block in enumerate(blocks):
@@ -226,6 +231,7 @@ def special_points_of(
                 str(text["of"][i]),
                 str(text["locus"][i]),
                 tangents[i] if tangents[i].size else None,
+                str(kinds[i]),
                 homoclinic=saddles[i],
             )
         )

@@ -94,8 +94,8 @@ class SpecialPoint(Result, Generic[Solved]):
         The parameters that vary along the curve.
     of : str
         Of a TP the parameter that turns, of an EX the quantity, of a CH of a branch the event that hits. Of a BC the
-        event that an equilibrium meets. Where a GR locus meets another, the side of the grazing (``smaller`` or
-        ``larger`` signature).
+        event that an equilibrium meets. At a BE, too. Where a GR locus meets another, the side of the
+        grazing (``smaller`` or ``larger`` signature).
     locus : str
         The type of the locus that the point belongs to; empty on a branch.
     tangent : ndarray, shape (unknowns + 1,), or None
@@ -106,7 +106,8 @@ class SpecialPoint(Result, Generic[Solved]):
         Typical sizes of the unknowns on a curve of equilibria or of orbits of a map; None on one of orbits.
     homoclinic : Homoclinic or None
         At a HOM its saddle with the leading eigenvalues, at a SNIC its saddle-node. At a BC the equilibrium that meets
-        an event, where the period grows without bound. The solution is the longest cycle.
+        an event, where the period grows without bound. The solution is the longest cycle. At a BE of orbits the
+        boundary equilibrium to which cycles shrink.
 
     Examples
     --------
@@ -246,11 +247,11 @@ class SpecialPoint(Result, Generic[Solved]):
 
     @property
     def itself(self) -> SpecialPoint[Any]:
-        """The point; at a BC where an equilibrium meets an event of a cycle, the boundary equilibrium BE."""
-        if self.type != "BC" or self.homoclinic is None:
+        """The point; at a BC or BE of cycles, where an equilibrium meets an event, the boundary equilibrium BE."""
+        if self.type not in ("BC", "BE") or self.homoclinic is None:
             return self
         point: SpecialPoint[Any] = self
-        return replace(point, type="BE", solution=self.homoclinic.saddle, of="", tangent=None, homoclinic=None)
+        return replace(point, type="BE", solution=self.homoclinic.saddle, of="", tangent=None, kind="", homoclinic=None)
 
     def value(self, name: str) -> float:
         """Return a parameter at the point, or the quantity along which the branch goes.
@@ -363,7 +364,8 @@ class SpecialPoint(Result, Generic[Solved]):
             meaning += ": the cycle shrinks to an equilibrium"
         if self.multiplicity > 1:
             meaning += f", {self.multiplicity} at once"
-        of = f" of {self.of}" if self.of else ""
+        of = f" of {self.of}" if self.of and self.of != self.kind else ""
+        of += f", {self.kind}" if self.kind else ""
         end = "" if self.homoclinic is None else f"\n{self.homoclinic!r}"
         return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}{end}\n{self.solution!r}"
 

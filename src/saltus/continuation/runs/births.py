@@ -31,9 +31,9 @@ from saltus.scales import FINEST, PAIR_CRITICAL
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["cycle_born", "equilibrium_of_cycle", "other_equilibria"]
+__all__ = ["AMPLITUDES", "cycle_born", "equilibrium_of_cycle", "other_equilibria"]
 
-_AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 3e-2)  # amplitudes of a first cycle, over that at which other terms matter
+AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 3e-2)  # amplitudes of a first cycle, over that at which other terms matter
 _ROOM = 0.3  # share of the distance from a surface that a first cycle may take
 _ITERATIONS = 12  # most Newton steps to a first solution
 
@@ -79,7 +79,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float
     speed = complex(terms.p.conj() @ (problem.second(u, tangent)[:, :n] @ terms.q)).real
     size, pieces = _nonlinear_size(sizes, terms), _pieces(values, w)
     reason = ""
-    for share in _AMPLITUDES:
+    for share in AMPLITUDES:
         z = 0.5 * share * min(size, _room(problem, u, terms.q))
         shift = -w * terms.l1 * z * z / speed if speed != 0.0 else 0.0
         if not abs(shift) < 1.0:
@@ -92,7 +92,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float
         if not isinstance(found, str):
             return found
         reason = found
-    raise ConvergenceError("cycle at the Hopf point", _AMPLITUDES[0], len(_AMPLITUDES), reason)
+    raise ConvergenceError("cycle at the Hopf point", AMPLITUDES[0], len(AMPLITUDES), reason)
 
 
 def _nonlinear_size(states: NDArray[np.float64], terms: HopfTerms) -> float:

@@ -13,7 +13,7 @@ from saltus.continuation.core.point_types import ACCUMULATION, CHANGES, POINT_TY
 from saltus.continuation.core.zero_problem import Event, Examined, Point, start_point
 from saltus.continuation.problems.changes import type_of_change
 from saltus.continuation.problems.ends.accumulating import accumulating
-from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead
+from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead, shrunk_onto
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
 from saltus.continuation.problems.ends.shrinking import equilibrium_ahead, shrunk_to
@@ -291,7 +291,7 @@ class OrbitRun(OneParameterRun):
         """Look for a homoclinic orbit at the end of a branch; return why it ends there, and whether there is one."""
         reason, located = self.ends_unbounded(half)
         piece, point = half.points[-1]
-        if piece.problem.system.phase is None and (met := meeting_ahead(piece, point)) is not None:
+        if not located and piece.problem.system.phase is None and (met := meeting_ahead(half.points)) is not None:
             reason, located, after = f"{told(period_of(piece, point))}: {met.told}", True, len(half.points) - 1
             orbit, end = self.orbit_of(piece, point), met.end
             half.specials.append(Found("BC", orbit, met.error, after, point.arc, end.event, homoclinic=end))
@@ -334,7 +334,9 @@ class OrbitRun(OneParameterRun):
             return None
         if (shrunk := shrunk_to(branch.problem, half.points, point)) is not None:
             point.examined = beyond.as_before(point.examined, half.points[-1][1].examined.data)
-            half.specials.append(replace(self.found("BE", branch, event, half), of=shrunk.kind))
+            kind, rest = (shrunk.kind, None) if shrunk.kind else shrunk_onto(branch.problem, point.u)
+            of = shrunk.kind if rest is None else rest.event
+            half.specials.append(replace(self.found("BE", branch, event, half), of=of, kind=kind, homoclinic=rest))
             return self.ends(half, branch, point, shrunk.told)
         if (hits := beyond.accumulated(branch, event)) is not None:
             if (again := from_accumulation(self, half, (branch, point), hits)) is not None:

@@ -20,7 +20,7 @@ from saltus import (
     solve_orbit,
     switch_branch,
 )
-from saltus.results import Branch, PeriodicOrbit
+from saltus.results import Branch, Equilibrium, PeriodicOrbit
 
 PERIOD = 6.355799581032402
 MULTIPLIER = 0.625775114255821
@@ -90,12 +90,15 @@ def test_a_cycle_shrinks_to_a_boundary_equilibrium(
     assert branch.stable.all()
 
 
-def test_a_boundary_equilibrium_of_cycles_has_no_other_branch_and_no_locus(foci: Callable[..., PeriodicOrbit]) -> None:
+def test_a_boundary_equilibrium_of_cycles_has_the_equilibrium_and_its_locus(foci: Callable[..., PeriodicOrbit]) -> None:
     end = continue_orbit(foci(), "m", (-0.5, 0.1))["BE1"]
-    with pytest.raises(InputError, match="no other branch meets there"):
-        switch_branch(end)
-    with pytest.raises(InputError, match="no locus belongs to this type"):
-        continue_locus(end, ("m", "a"), {"m": (-1.0, 1.0), "a": (-1.0, 1.0)})
+    assert end.kind == "persistence"
+    rest = switch_branch(end, to=Equilibrium)
+    np.testing.assert_allclose([*rest.state, rest.parameters["m"]], 0.0, atol=1e-12)
+    locus = continue_locus(end, ("m", "a"), {"m": (-1.0, 1.0), "a": (-1.0, 1.0)})
+    assert locus.type == "BE"
+    np.testing.assert_allclose(locus.values[:, 0], 0.0, atol=1e-12)
+    assert np.ptp(locus.values[:, 1]) == pytest.approx(2.0)
 
 
 def test_a_cycle_that_grows_to_infinity_says_so(foci: Callable[..., PeriodicOrbit]) -> None:

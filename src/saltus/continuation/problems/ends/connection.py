@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -41,10 +42,16 @@ class Homoclinic:
         return self.saddle.eigenvalues
 
     @property
+    def slides(self) -> bool:
+        """Whether the equilibrium is a pseudo-equilibrium, of a sliding mode."""
+        return self.saddle.system.modes[self.saddle.mode].surface is not None
+
+    @property
     def leading(self) -> tuple[complex, complex]:
         """The unstable and the stable eigenvalue nearest to the imaginary axis; NaN where one is missing.
 
-        Of a pair it is the upper one.
+        Of a pair it is the upper one. A motion that lands on a pseudo-saddle from beside the surface comes there in
+        finite time, and no stable eigenvalue leads it.
         """
         values = self.eigenvalues
         rounding = NEUTRAL * float(np.abs(values).max())
@@ -53,7 +60,7 @@ class Homoclinic:
             return complex(math.nan), complex(math.nan)
         slowest = unstable[np.argmin(unstable.real)], stable[np.argmax(stable.real)]
         first, second = (complex(value.real, abs(value.imag)) for value in slowest)
-        return first, second
+        return first, complex(math.nan) if self.slides else second
 
     @property
     def saddle_quantity(self) -> float:
@@ -78,6 +85,9 @@ class Homoclinic:
     def __repr__(self) -> str:
         if self.event:
             return f"equilibrium on the event {self.event!r}, at\n{self.saddle!r}"
+        unstable = self.leading[0]
+        if self.slides and not cmath.isnan(unstable):
+            return f"sliding homoclinic to a pseudo-saddle, leading eigenvalue {unstable.real:.6g}, at\n{self.saddle!r}"
         if math.isnan(self.saddle_quantity):
             return f"saddle-node on an invariant circle, at\n{self.saddle!r}"
         kind = "saddle-focus" if self.saddle_focus else "saddle"

@@ -6,7 +6,7 @@ docs/theory/continuation.md, "Homoclinic orbits", derives the method.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,9 +23,11 @@ from saltus.continuation.problems.ends.homoclinic_problem import (
     solved,
     tangent_spaces,
 )
+from saltus.continuation.problems.ends.sliding_homoclinic import landing_on, rest_in, slowest_segment
 from saltus.continuation.problems.ends.unbounded import period_of
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.spectrum import NEUTRAL
+from saltus.orbits.cuts import whole
 from saltus.orbits.signature import CLOSED_END, CUT_END
 from saltus.scales import (
     ARC_AGREES,
@@ -53,6 +55,9 @@ if TYPE_CHECKING:
 __all__ = ["NONE_NEAR", "Located", "homoclinic_of", "located"]
 
 NONE_NEAR = "no equilibrium is near the cycle"  # why no homoclinic orbit is located: the period need not be unbounded
+
+_EVENTS = "its cycles have events"
+_DISAGREES = "its parameter disagrees with the one extrapolated along the branch"
 
 _FIRST = (4.0, 0.005, 0.2)  # first distance of the arc's ends: factor on the cycle's least one, least, largest
 _NEAREST = 1e-6  # distance of the arc's ends from the saddle at last
@@ -101,7 +106,7 @@ def located(points: list[Row], low: float, high: float) -> Located | str:
     """
     problem = points[-1][0].problem
     if problem.signature.kinds[0] != CLOSED_END or set(problem.signature.kinds[1:]) - {CUT_END}:
-        return "its cycles have events"
+        return _with_events(points, low, high)
     cycle = _table(*points[-1])
     places = _slow_places(cycle)
     if not places:
@@ -118,9 +123,40 @@ def located(points: list[Row], low: float, high: float) -> Located | str:
         return "it lies outside the parameter's bounds"
     if not _looks_like(cycle, arc):
         return "the arc found is another one"
-    if not _agrees(points, arc):
-        return "its parameter disagrees with the one extrapolated along the branch"
+    values = arc.saddle.values
+    if not _agrees(points, arc.parameter, complex(values[np.argmin(np.abs(values.real))])):
+        return _DISAGREES
     return Located("HOM", homoclinic_of(cycle.rest, arc.saddle.state, arc.parameter, arc.sizes), error, arc)
+
+
+def _with_events(points: list[Row], low: float, high: float) -> Located | str:
+    """Return what `located` does at the end of a branch of cycles with events.
+
+    The equilibrium is one of the mode in which the cycle stays longest.
+    """
+    piece, point = points[-1]
+    if piece.problem.system.phase is not None:
+        return _EVENTS
+    problem, u = whole(piece.problem, point.u)
+    cycle, segment = _table(piece, point), slowest_segment(problem, u)
+    found = landing_on(problem, u, segment, cycle.sizes)
+    if isinstance(found, str):
+        node = _saddle_node(points, _staying(cycle, problem, u, segment), low, high)
+        return _EVENTS if isinstance(node, str) else node
+    state, value, saddle, error = found
+    if not low <= value <= high:
+        return "it lies outside the parameter's bounds"
+    unstable = saddle.values[saddle.values.real > 0.0]
+    if not _agrees(points, value, complex(unstable[np.argmin(unstable.real)])):
+        return _DISAGREES
+    return Located("HOM", homoclinic_of(rest_in(problem, segment), state, value, cycle.sizes), error)
+
+
+def _staying(cycle: _Cycle, problem: OrbitProblem, u: NDArray[np.float64], segment: int) -> _Cycle:
+    """Return a cycle's table with the states of one segment, and the equilibria's equations in its mode."""
+    problem.survey(u)
+    _, starts, nodes, _ = problem.dense()
+    return replace(cycle, rest=rest_in(problem, segment), states=nodes[starts[segment] : starts[segment + 1]])
 
 
 def homoclinic_of(
@@ -249,13 +285,15 @@ def _looks_like(cycle: _Cycle, arc: Arc) -> bool:
     return bool(np.max(apart / cycle.sizes) < EXTREMES_OF_ARC)
 
 
-def _agrees(points: list[Row], arc: Arc) -> bool:
-    """Return whether the parameter agrees with that of the branch: it tends there like exp(-rate T), or spirals in."""
+def _agrees(points: list[Row], value: float, slowest: complex) -> bool:
+    """Return whether a parameter agrees with that of the branch: it tends there like exp(-rate T), or spirals in.
+
+    slowest: the eigenvalue that tells the rate.
+    """
     periods = np.array([period_of(piece, point) for piece, point in points])
     values = np.array([point.parameter for _, point in points])
     late = periods * _LATE > periods[-1]
     periods, values = periods[late] - periods[-1], values[late]
-    slowest = arc.saddle.values[np.argmin(np.abs(arc.saddle.values.real))]
     rate, turn = abs(slowest.real), abs(slowest.imag)
     waves = [np.cos(turn * periods), np.sin(turn * periods)] if turn > 0.0 else [np.ones_like(periods)]
     decay = np.exp(-rate * periods)
@@ -264,8 +302,8 @@ def _agrees(points: list[Row], arc: Arc) -> bool:
     basis = np.column_stack([np.ones_like(periods), *(decay * wave for wave in waves)])
     weights = 1.0 / (decay * decay)  # further terms of the expansion are of that size
     limit = float(np.linalg.lstsq(basis * weights[:, None], values * weights, rcond=None)[0][0])
-    allowed = ARC_AGREES * max(1.0, abs(arc.parameter)) + ARC_AGREES_AFAR * abs(arc.parameter - float(values[-1]))
-    return abs(limit - arc.parameter) <= allowed
+    allowed = ARC_AGREES * max(1.0, abs(value)) + ARC_AGREES_AFAR * abs(value - float(values[-1]))
+    return abs(limit - value) <= allowed
 
 
 def _saddle_node(points: list[Row], cycle: _Cycle, low: float, high: float) -> Located | str:
