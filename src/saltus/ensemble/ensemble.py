@@ -71,10 +71,8 @@ class Ensemble:
 
     Attributes
     ----------
-    limit : float
-        Size of a diverged state.
-    period : float
-        Time between two looks.
+    limit, period : float
+        Size of a diverged state, and the time between two looks.
     work : ndarray of int64
         Steps made so far in each pool of lanes.
     left_over : int
@@ -115,11 +113,10 @@ class Ensemble:
             hint = "the time between two looks at a motion, about its period, as BasinOptions(interval=1.0)"
             allowed = "given for a system without a phase, and for no other"
             raise InputError("interval", interval, allowed, hint if interval is None else "")
-        tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
         interval = None if interval is None else checks.positive("interval", interval)
         self.system, self.parameters = system, checks.mapping("parameters", parameters, "names to numbers, or None")
         self.p = system.parameter_vector(self.parameters)
-        self.tolerance = tolerance
+        self.tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
         self.n = len(system.states)
         self.scale = np.ones(self.n) if scale is None else checks.array("scale", scale, finite=False)
         if self.scale.shape != (self.n,) or not ((self.scale > 0.0) & (self.scale < np.inf)).all():

@@ -84,9 +84,7 @@ def steady(rows: Sequence[ArrayLike], lengths: tuple[float, float], tests: Calla
     tests : callable
         `circle_tests` or `border_tests`.
     """
-    before, first, last = (
-        row if isinstance(row, list) else np.asarray(row, dtype=np.complex128).tolist() for row in rows
-    )
+    before, first, last = (r if isinstance(r, list) else np.asarray(r, np.complex128).tolist() for r in rows)
     ratio = lengths[1] / lengths[0]
     ahead = [value + (value - old) * ratio for old, value in zip(before, first, strict=True)]
     if any(near != value for near, value in zip(_matched(ahead, last), last, strict=True)):
@@ -137,10 +135,8 @@ def searched(
         The values at the point before the step, if there is one, and at its ends.
     lengths : tuple of float
         Arclengths of the steps between those points.
-    tests : callable
-        `circle_tests` or `border_tests`.
-    touches : bool
-        See `several_critical`.
+    tests, touches
+        As `several_critical` takes them.
     """
     *before, first, last = rows
     if before:
