@@ -90,3 +90,13 @@ def test_the_highest_of_maxima_that_are_nearly_equal_is_found():
     )
     assert orbit.max["h"] == pytest.approx(known, abs=1e-12)
     assert saltus.verify(orbit).passed
+
+
+def test_doubled_orbits_of_a_map_pass_where_they_begin():
+    logistic = saltus.Map(("x",), {"r": 2.8}, {"x": "r*x*(1 - x)"})
+    fixed = saltus.continue_orbit(saltus.solve_orbit(logistic, x0=[0.64]), "r", (1.5, 3.9))
+    doubled = saltus.continue_orbit(saltus.switch_branch(fixed["PD1"]), "r", (2.5, 3.9))
+    checked = saltus.verify(doubled)
+    assert checked.passed, checked
+    wrong = doubled.multipliers * (1.0 + 1e-6)
+    assert "column multipliers" in {row.what for row in saltus.verify(replace(doubled, multipliers=wrong)).failures}
