@@ -88,7 +88,7 @@ def prey_lands_off_the_saddle(P: float) -> float:
     return lands - 0.5 * (1.0 - b - math.sqrt((1.0 + b) ** 2 - 4.0 * a * P))
 
 
-def test_cycle_from_a_boundary_focus_to_a_pseudo_saddle():
+def test_cycle_from_a_boundary_focus_to_a_pseudo_saddle(tmp_path):
     rest = saltus.find_equilibrium(PREY, {"P": 1.2}, x0=[0.047, 1.01], mode="below")
     born = saltus.continue_equilibrium(rest, "P", (0.9, 1.3)).special_points[-1]
     assert (born.type, born.kind) == ("BE", "nonsmooth fold")
@@ -100,6 +100,11 @@ def test_cycle_from_a_boundary_focus_to_a_pseudo_saddle():
     end = brentq(prey_lands_off_the_saddle, 1.02, 1.04, xtol=1e-13)
     assert branch["HOM1"].parameters["P"] == pytest.approx(end, abs=1e-10)
     assert saltus.verify(branch).passed
+    branch.save(tmp_path / "branch.nc")
+    kept = saltus.load(tmp_path / "branch.nc")
+    assert [(p.kind, p.of, p.homoclinic.slides) for p in kept.special_points] == [
+        (p.kind, p.of, p.homoclinic.slides) for p in branch.special_points
+    ]
 
 
 def test_upper_cycle_ends_at_the_pseudo_saddle_too():

@@ -319,6 +319,7 @@ def _saddle_node(points: list[Row], cycle: _Cycle, low: float, high: float) -> L
     periods = np.array([period_of(piece, point) for piece, point in points])
     away = np.abs(np.array([point.parameter for _, point in points]) - fold[-1])
     late = periods * _LATE > periods[-1]
+    late[-3:] = True  # the period may more than double in a step
     if np.count_nonzero(late) < 3 or not np.all(np.diff(away[late]) < 0.0) or not away[-1] > 0.0:
         return "the branch does not tend to the saddle-node near the cycle"
     slope = float(np.polyfit(np.log(away[late]), np.log(periods[late]), 1)[0])
