@@ -266,3 +266,38 @@ def test_the_sense_of_a_null_vector_is_the_same_in_every_phase_plane():
         condition.adjust()
         senses.append(math.copysign(1.0, condition.twist))
     assert len(set(senses)) == 1
+
+
+@pytest.mark.campaign
+def test_a_mitotic_cascade_relaxes_on_one_branch_from_its_hopf_point():
+    """Goldbeter (1991): enzymes next to saturation make a cycle with fronts; SciPy has its period in the middle."""
+    constant = 0.005
+    fields = {
+        "C": "vi - 0.25*X*C/(0.02 + C) - 0.01*C",
+        "M": "3*C/(0.5 + C)*(1 - M)/(K + 1 - M) - 1.5*M/(K + M)",
+        "X": "M*(1 - X)/(K + 1 - X) - 0.5*X/(K + X)",
+    }
+    system = saltus.HybridSystem.smooth(fields, {"vi": 0.025, "K": constant})
+    rest = saltus.continue_equilibrium(saltus.find_equilibrium(system, x0=[0.01] * 3), "vi", (0.005, 0.1))
+    cycles = saltus.continue_orbit(saltus.switch_branch(rest["HB1"]), "vi", (0.005, 0.1))
+    assert sorted(point.type for point in cycles.special_points) == ["HB", "SN"]
+    assert "vi = 0.1: bound reached" in cycles.stopped
+    assert cycles.audit.passed, cycles.audit
+    (orbit,) = cycles.at(0.05)
+
+    def field(_t, u):
+        C, M, X = u
+        up = 3.0 * C / (0.5 + C) * (1.0 - M) / (constant + 1.0 - M)
+        on = M * (1.0 - X) / (constant + 1.0 - X)
+        return [
+            0.05 - 0.25 * X * C / (0.02 + C) - 0.01 * C,
+            up - 1.5 * M / (constant + M),
+            on - 0.5 * X / (constant + X),
+        ]
+
+    def half(_t, u):
+        return u[2] - 0.5
+
+    half.direction = 1.0
+    motion = solve_ivp(field, (0.0, 400.0), [0.3, 0.1, 0.1], "Radau", rtol=1e-10, atol=1e-13, events=half)
+    assert orbit.period == pytest.approx(float(np.diff(motion.t_events[0])[-1]), rel=1e-6)
