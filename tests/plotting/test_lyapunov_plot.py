@@ -39,7 +39,7 @@ def test_exact_exponent_has_no_error_in_its_name(impact_oscillator):
     orbit, U = ImpactOrbit(w=1.1), 3.7
     parameters = {"w": 1.1, "A": orbit.amplitude(U)}
     found = lyapunov_spectrum(
-        impact_oscillator, parameters, orbit.after_impact(U), average=Average(periods=40, discard=100)
+        impact_oscillator, parameters, orbit.after_impact(U), average=Average(periods=40, discard=100), tolerance=1e-13
     )
     exact = found.plot().get_legend().get_texts()
     assert found.errors[0] < 1e-6 * abs(found.exponents[0])

@@ -17,9 +17,10 @@ from saltus.errors import InputError
 from saltus.flow.motion import tolerances_of
 from saltus.flow.sizes import ATOL, fitting_atol
 from saltus.flow.starting import starting_mode
-from saltus.flow.variational import BATCHES, CONFIDENCE, Average, Growth, growth_along
+from saltus.flow.variational import BATCHES, CONFIDENCE, Average, Growth, frame_tolerance, growth_along
 from saltus.maps.growth import growth_of_map
 from saltus.result import Result, frozen
+from saltus.sweeps.unconverged import unconverged
 from saltus.system import HybridSystem, Map
 from saltus.system.maps import flowing
 from saltus.system.plain import held_any, held_parameters
@@ -55,7 +56,9 @@ class LyapunovSpectrum(Result):
         Largest first. ``-inf``: a reset of lower rank or a sliding motion removes a direction. ``nan``: a Jacobian is
         not finite.
     errors : ndarray, shape (exponent,)
-        Half widths of their 95 % confidence intervals, from the spread of batch means.
+        Half widths of their intervals. They are of 95 % confidence, by the spread of batch means. They are wider where
+        a bounded term, a drift of the rate, or the tolerance asks for it. Infinite: the rate drifts, and no limit can
+        be told.
     times : ndarray, shape (row,)
         Ends of the stretches of the motion, from the end of the discarded time.
     logs : ndarray, shape (row, exponent)
@@ -163,7 +166,12 @@ class LyapunovSpectrum(Result):
             span += f" ({self.times[-1] / self.period:.6g} periods of {self.system.phase[0]})"
         lines = [f"LyapunovSpectrum of {title} over {span}, after {self.discarded:.6g} discarded"]
         for value, error in list(zip(self.exponents, self.errors, strict=True))[:_SHOWN]:
-            lines.append(f"  {value:+.6g} +- {error:.1g}" if math.isfinite(value) else "  -inf")
+            if not math.isfinite(value):
+                lines.append("  -inf")
+            elif error == math.inf:
+                lines.append(f"  {value:+.6g}, unresolved: its rate drifts")
+            else:
+                lines.append(f"  {value:+.6g} +- {error:.1g}")
         if self.exponents.size > _SHOWN:
             lines.append(f"  and {self.exponents.size - _SHOWN} more")
         if self.exponents.size == len(self.system.states):
@@ -281,7 +289,9 @@ def lyapunov_spectrum(
     Notes
     -----
     The error of a logarithm of growth does not grow with time. Estimates for a periodic motion therefore approach
-    ``log|mu| / T`` like 1/time. For a chaotic motion the spread of batch means falls like 1/sqrt(time).
+    ``log|mu| / T`` like 1/time. For a chaotic motion the spread of batch means falls like 1/sqrt(time). Where a motion
+    settles like a power of time, rates drift, and the interval holds the limit of the drift
+    (`saltus.sweeps.unconverged`). Rates of intermittent motions whose mean stay has no limit fall more slowly still.
 
     References
     ----------
@@ -310,12 +320,14 @@ def lyapunov_spectrum(
     checks.instance("average", average, Average)
     with interrupt_noted() as interrupted:
         growth, (rtol, atol) = _growth(system, parameters, x0, mode, (average, exponents, tolerance), interrupted)
+        rounding = frame_tolerance(rtol) * _fastest(system, parameters, growth)
+        errors = np.maximum(growth.errors, unconverged(growth.times, growth.logs, growth.discarded, rounding))
     done = f"interrupted: {growth.times.size} stretches done" if interrupted else "all stretches done"
     return LyapunovSpectrum(
         system=system,
         parameters=system.resolve(parameters),
         exponents=growth.exponents,
-        errors=growth.errors,
+        errors=errors,
         times=growth.times,
         logs=growth.logs,
         discarded=growth.discarded,
@@ -325,6 +337,20 @@ def lyapunov_spectrum(
         tolerance=(rtol, atol),
         stopped=done,
     )
+
+
+@singledispatch
+def _fastest(system: HybridSystem | Map, parameters: Mapping[str, float] | None, growth: Growth) -> float:
+    """Return the fastest rate at the end of a motion, which makes a frame's tolerance a rate; 0 where none is known."""
+    system = flowing(system)
+    p = system.compiled.extended(system.parameter_vector(parameters))
+    jacobian = system.compiled.linearised(growth.mode_end, np.array(growth.x_end), p)[1]
+    return float(np.abs(np.linalg.eigvals(jacobian)).max()) if np.isfinite(jacobian).all() else 0.0
+
+
+@_fastest.register(Map)
+def _fastest_of_map(system: Map, parameters: Mapping[str, float] | None, growth: Growth) -> float:
+    return 0.0
 
 
 @singledispatch
