@@ -33,6 +33,9 @@ CLOCKS = {"seconds", "elapsed", "created"}  # what the clock tells
 OTHER_POINTS = {"diagram.nc": {"branch1_point"}}
 # what was computed wrongly: harmonics where an angle turns far within a step, as of a state that rests
 WRONG = dict.fromkeys(("branch.nc", "cascade.nc", "family.nc", "locus.nc"), ("harmonic_re", "harmonic_im"))
+# errors of exponents left out what falls like 1/t, and the tolerance with which frames are followed
+WRONG |= dict.fromkeys(("spectrum.nc", "map spectrum.nc"), ("error",))
+LATER = {"bifurcation", "point", "verification"}  # kinds of results that version 0.1.0 could not save
 BYTES = "attractors"  # of a file within another: it is compared by itself, as a file of attractors
 # what a special point has of the steps around it
 OF_STEPS = {f"branch1_special_{name}" for name in ("arclength", "position", "tangent", "test")}
@@ -45,7 +48,7 @@ def kept(version, name, folder):
 
 @pytest.mark.campaign
 def test_a_file_of_each_kind_is_kept():
-    assert {name.removesuffix(".nc") for _, name in KEPT} == set(computed())
+    assert {name.removesuffix(".nc") for _, name in KEPT} == set(computed()) - LATER
 
 
 @pytest.mark.parametrize(("version", "name"), guarding(KEPT, *(row for row in KEPT if row[1] not in LONG)))

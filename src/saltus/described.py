@@ -187,6 +187,8 @@ Fit | channel | channel | 1 | Observables of the data.
 Fit | fit_x | place of the datum | {_PARAMETER} | Value of the parameter at each datum.
 Fit | fit_side | side | 1 | Side of a jump that a datum lies on, -1 or 1; 0 where there is none.
 Fit | fit_sheet | sheet | 1 | Index of the sheet that the datum belongs to.
+Fit | fit_beyond | beyond a sheet's end | {_PARAMETER} | Distance of the datum from the sheet's end; 0 where one exists.
+Fit | limited | limited errors | {_PARAMETER} | Errors below and above where something limits them; else NaN.
 Fit | fit_direction | direction | 1 | Sense of the sweep in which the datum was measured.
 Fit | fit_residual | residual | 1 | Model less measurement, in standard errors.
 Fit | fit_measured | measured, real part | {_OF_DATUM} | Measured value.
