@@ -171,3 +171,60 @@ def test_what_leaves_a_rest_is_the_same_in_all_units(host, point, unit, away, se
             np.sqrt(np.maximum(found["r"], 0.0)),
             atol=1e-3 if point != "HB" else 1.0,
         )
+
+
+PARTLY = {"small": (1.0, 1e-9), "large": (1.0, 1e9), "beside large": (1e9, 1.0), "wide": (1e6, 1e-9)}
+
+
+def partly_resting(point: str, unit: str, seed: int) -> tuple[Any, list[float], list[float]]:
+    """Return kicks of states that move and of others that rest at 0; a state to start from, and the units of all.
+
+    Those that rest have a random linear part with one critical direction, and bend by a cubic term. They move the
+    others by their squares.
+    """
+    rng = np.random.default_rng([seed, ord(point[0])])
+    n, m = rng.integers(1, 3, 2).tolist()
+    u, v = PARTLY.get(unit, (1.0, 1.0))
+    critical = -1.0 if point == "PD" else 1.0
+    turned = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    fixed = turned @ np.diag([0.0, *rng.uniform(-0.6, 0.6, n - 1)]) @ turned.T
+    moving = critical * np.outer(turned[:, 0], turned[:, 0])
+    A, B = [f"(a{i}/{u!r})" for i in range(m)], [f"(b{i}/{v!r})" for i in range(n)]
+    square = " + ".join(f"{b}**2" for b in B)
+    images, rates = {}, {}
+    for i in range(m):
+        terms = [f"{share!r}*{a}" for share, a in zip(rng.uniform(-0.3, 0.3, m).tolist(), A, strict=True)]
+        drift, decay, push, pull = rng.uniform([0.1, 0.1, 0.5, -0.2], [0.3, 0.5, 1.5, 0.2]).tolist()
+        rates[f"a{i}"] = f"{u * drift!r} - {decay!r}*a{i}" if seed % 2 else "0"
+        images[f"a{i}"] = f"{u!r}*({push!r} + {' + '.join(terms)} + {pull!r}*({square}))"
+    for i in range(n):
+        terms = [f"({fixed[i, j].item()!r} + {moving[i, j].item()!r}*(1 + r))*{B[j]}" for j in range(n)]
+        rates[f"b{i}"], images[f"b{i}"] = "0", f"{v!r}*({' + '.join(terms)} - {critical!r}*({square})*{B[i]})"
+    kick = saltus.Transition("drift", "drift", at_phase=0, reset=images, name="kick")
+    system = saltus.HybridSystem([*rates], {"r": -0.1}, {"drift": saltus.Mode(rates)}, [kick], phase=("th", 1.0))
+    return system, [0.7 * u] * m + [0.0] * n, [u] * m + [v] * n
+
+
+@pytest.mark.parametrize(
+    ("point", "unit", "seed"),
+    guarding(
+        [(point, unit, seed) for seed in range(4) for point in ("PD", "BP") for unit in PARTLY],
+        ("PD", "small", 1),
+        ("BP", "beside large", 0),
+        campaign=8,
+    ),
+)
+def test_states_that_rest_beside_others_leave_alike_in_all_units(point, unit, seed):
+    system, x0, units = partly_resting(point, unit, seed)
+    rests = continued(saltus.find_orbit(system, x0=x0))
+    assert_same_points([(p.type, p.parameters["r"]) for p in rests.special_points], [(point, 0.0)])
+    branch = continued(saltus.switch_branch(rests[f"{point}1"]))
+    assert_same_points([(p.type, p.parameters["r"]) for p in branch.special_points], [("BP", 0.0)])
+    ends = ["bound reached", "bound reached" if point == "BP" else "the period halves"]
+    assert sorted(words.split(": ")[-1] for words in branch.stopped) == ends
+    assert not branch.audit.breaches
+    # along the critical direction an amplitude b has b^2 = r
+    resting = [i for i, name in enumerate(system.states) if name.startswith("b")]
+    found = [branch.column(f"{end}_{system.states[i]}") / units[i] for i in resting for end in ("min", "max")]
+    reached = np.abs(np.reshape(found, (len(resting), 2, -1))).max(axis=1)
+    np.testing.assert_allclose(np.linalg.norm(reached, axis=0), np.sqrt(np.maximum(branch.values, 0.0)), atol=1e-6)

@@ -131,3 +131,40 @@ def test_chaos_of_a_cantilever_with_many_modes_is_told(modes):
         find_orbit(system, {"Omega": 1.05}, [0.0] * (2 * modes))
     exponent, error = exponent_in(str(caught.value))
     assert abs(exponent - 0.0735) <= error + 0.01
+
+
+FAR_APART = [(1.0, 1.0, 1.0), (1e-9, 1e9, 1e-9), (1e9, 1.0, 1e-9), (1.0, 1e-9, 1e9)]
+
+
+def in_units(names: str, sizes: tuple[float, ...], field: dict[str, str]) -> dict[str, str]:
+    """Return formulas in capital letters for states in units of one, as those of states in other units."""
+    for name, size in zip(names, sizes, strict=True):
+        field = {x: row.replace(name.upper(), f"({name}/{size!r})") for x, row in field.items()}
+    return {x: f"{size!r}*({row})" for (x, row), size in zip(field.items(), sizes, strict=True)}
+
+
+@pytest.mark.parametrize(("u", "v", "w"), guarding(FAR_APART, FAR_APART[1]))
+def test_a_torus_is_named_with_its_turns_in_units_that_are_far_apart(u, v, w):
+    sizes = u, v, w
+    field = in_units("xvy", sizes, {"x": "V", "v": "0.3*cos(s) + (1 - X**2)*V - X", "y": "X - Y"})
+    text = said(forced(field, 1.788), [0.5 * sizes[0], 0.0, 0.0])
+    assert "the motion is quasi-periodic" in text
+    assert "it winds by 0.472474 turns" in text
+
+
+@pytest.mark.parametrize(("u", "v", "w"), guarding(FAR_APART, FAR_APART[2]))
+def test_a_strange_motion_is_named_in_units_that_are_far_apart(u, v, w):
+    sizes = u, v, w
+    # Grebogi, Ott, Pelikan and Yorke, Physica D 13 (1984) 261
+    turn = math.pi * (math.sqrt(5.0) - 1.0)
+    c, d = math.cos(turn), math.sin(turn)
+    images = in_units("xab", sizes, {"x": "3*A*tanh(X)", "a": f"{c!r}*A - {d!r}*B", "b": f"{d!r}*A + {c!r}*B"})
+    kick = Transition("m", "m", at_phase=0, reset=images, name="kick")
+    system = HybridSystem(("x", "a", "b"), {}, {"m": Mode(dict.fromkeys("xab", "0"))}, [kick], phase=("s", 1.0))
+    assert "the motion is strange nonchaotic" in said(system, [0.3 * sizes[0], sizes[1], 0.0])
+
+
+@pytest.mark.parametrize("rate", guarding([0.001, 0.01, 0.5], 0.001))
+def test_a_state_that_fades_beside_a_torus_changes_no_words(rate):
+    field = {"x": "v", "v": "0.3*cos(s) + (1 - x**2)*v - x", "z": f"-{rate}*z"}
+    assert "it winds by 0.472474 turns" in said(forced(field, 1.788), [0.5, 0.0, 1.0])

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "SMALL", "STEPS_KEPT", "Sizes", "fitting_atol", "followed_in_size",
-           "share_of", "sizes_along", "sizes_from", "sizes_on_the_way", "units_of"]  # fmt: skip
+__all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "SMALL", "STEPS_KEPT", "Sizes", "fading", "fitting_atol",
+           "followed_in_size", "share_of", "sizes_along", "sizes_from", "sizes_on_the_way", "units_of"]  # fmt: skip
 
 RTOL = 1e-10  # relative tolerance of a motion's steps
 ATOL = 1e-12  # absolute tolerance of a motion's steps, for states of size 1 or more
@@ -33,6 +33,7 @@ _DEARER = 20  # steps that a finer tolerance may take, over those of the coarser
 _FEW = 10_000  # further steps that a finer tolerance may take
 _LOOKED_AT = 2000  # steps along which states are looked at before a tolerance is chosen
 EPSILON = 2.220446049250313e-16  # spacing of floats at 1
+_PARTS = 8  # of a motion: that moduli of a state fall from each to the next by chance is one in 8!
 _TOLD = 1e4  # least size of a state, over its rounding, at which differences of the state can be told
 
 
@@ -161,6 +162,17 @@ def _share_needed(run: EventDrivenMotion, *, whole: bool) -> float:
 def share_of(sizes: NDArray[np.float64]) -> float:
     """Return the size of the least state that is more than nothing, 1 at most."""
     return float(np.min(sizes, initial=1.0, where=sizes > _LEAST))
+
+
+def fading(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which states become smaller from each eighth of a motion to the next, shape (n,), from its (points, n).
+
+    Such a state has no size of its own beside others, where these go on.
+    """
+    if len(points) < _PARTS:
+        return np.zeros(points.shape[1], dtype=np.bool_)
+    tops = np.array([np.abs(part).max(axis=0) for part in np.array_split(points, _PARTS)])
+    return np.asarray(np.all((tops[1:] < tops[:-1]) | (tops[1:] == 0.0), axis=0))
 
 
 def units_of(

@@ -28,8 +28,8 @@ _MOVES = 4  # of meshes of explicit steps until steps in frames have about equal
 _SETTLING = 6  # of meshes in a row until steps are cut only
 _LONGER = 0.05  # change of a duration from which the dense output is laid out anew
 _DISCRETISATION = (
-    "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "_moves", "_atol", "_nearest", "_decays", "_shares",
-    "_surface_rows", "begun", "_explicit", "relaxes", "begun_durations", "_lasting",
+    "mesh", "stiff", "linear", "state_scale", "_largest", "_least", "moved_by", "bent", "_atol", "_nearest", "_decays",
+    "_shares", "_surface_rows", "begun", "_explicit", "relaxes", "begun_durations", "_lasting",
 )  # fmt: skip
 
 Dense = tuple["NDArray[np.float64]", "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]

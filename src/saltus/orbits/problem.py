@@ -18,7 +18,7 @@ from saltus.orbits.landing.landed import on_surfaces
 from saltus.orbits.meshes import adapted, crowding, decays, decays_along, implicit_second, implicit_steps, joined
 from saltus.orbits.plane import facings, further_planes, normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
-from saltus.orbits.resting import at_rest, mark_driven, mark_reset, nearest_to_zero, sizes_nearby
+from saltus.orbits.resting import at_rest, mark_driven, mark_moved, nearest_to_zero, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 from saltus.scales import ABOVE_ROUNDING, EPS, FINEST, MOVES_NOTHING, NEAR_ZERO, RESTING, Scales
 from saltus.system.integrals.kept import KeptTotals
@@ -98,7 +98,8 @@ class OrbitProblem(Discretised):
         self.stiff, self._looked, self._rough, self._unsettled = False, 0, False, 0
         self.linear, self.relaxes = None, False
         self._largest = np.zeros(len(self.system.states))
-        self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
+        self.bent = np.full(self.n, np.nan)  # sizes at which states at rest bend: 0 for none, NaN where unknown
+        self._least, self.moved_by = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
         self.conserving = self.conserving or KeptTotals(self.system)
         self._orbit = tuple(
             Orbit(
@@ -161,8 +162,9 @@ class OrbitProblem(Discretised):
         self.set_parameters(u)
         blocks = u[: self.size].reshape(self.segments, self.n + 1)
         self._find_least(blocks)
-        self.state_scale = np.maximum(np.maximum(np.max(np.abs(blocks[:, : self.n]), axis=0), self._least), 1e-300)
-        self.state_scale[at_rest(self.state_scale, self._moves)] = self.state_scale.max()
+        reached = np.max(np.abs(blocks[:, : self.n]), axis=0)
+        self.state_scale = np.fmax(np.maximum(np.maximum(reached, self._least), 1e-300), self.bent)
+        self.state_scale[at_rest(self.state_scale, self.moved_by)] = self.state_scale.max()
         if self.system.phase is not None:
             self.state_scale[-1] = self.system.turn
         self.conserving.keep(blocks[0], self.parameters_at(u), self.state_scale)
@@ -177,8 +179,7 @@ class OrbitProblem(Discretised):
         self.begun = survey = self.survey(u)
         self.rescale(survey)
         self.fix_phase(u, survey)
-        nearby = None if self.slides else sizes_nearby(self, u, survey)
-        if nearby is not None:
+        if (nearby := sizes_nearby(self, u, survey, sizes)) is not None:
             return self.start(u, nearby)
         self._choose_frames(u, blocks)
         return None
@@ -309,14 +310,13 @@ class OrbitProblem(Discretised):
         terms = np.empty((n, n))
         self.equations.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
         self._least = EPS / self.tol * period * terms.sum(axis=1)
-        self._moves = terms > MOVES_NOTHING
-        mark_reset(self, self._moves, blocks)
-        mark_driven(self, self._moves, blocks[0, :n], np.abs(blocks[:, :n]).max(axis=0))
+        self.moved_by = terms > MOVES_NOTHING
+        mark_moved(self, self.moved_by, blocks)
 
     def rescale(self, survey: Survey) -> None:
         """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""
-        mark_driven(self, self._moves, survey.lows, np.maximum(np.abs(survey.lows), np.abs(survey.highs)))
-        states = self._least, self._moves, self._largest, self.state_scale
+        mark_driven(self, self.moved_by, survey.lows, np.maximum(np.abs(survey.lows), np.abs(survey.highs)))
+        states = self._least, self.moved_by, self._largest, self.state_scale
         finite, near = self._sizes.resized(survey.lows, survey.highs, (RESTING, NEAR_ZERO), *states)
         if finite:
             self._nearest = nearest_to_zero(self, survey) if near else 1.0

@@ -18,6 +18,7 @@ from saltus.scales import (
     ORBIT_NOTHING,
     RECURS,
     RESTING,
+    UNIT_DECADES,
     Verdict,
     followed,
     zero,
@@ -34,13 +35,14 @@ __all__ = [
     "guess_on_plane",
     "kept_at_zero",
     "mark_driven",
-    "mark_reset",
+    "mark_moved",
     "nearest_to_zero",
     "on_its_plane",
     "sizes_nearby",
 ]
 
 _PHASES = 16  # phases at which derivatives of fields and resets are looked at
+_PLACES = 5  # in a segment, at which they are looked at beside states that move
 
 
 class Equations(Protocol):
@@ -53,6 +55,10 @@ class Equations(Protocol):
     modes: NDArray[np.int64]
     extended: NDArray[np.float64]
     state_scale: NDArray[np.float64]
+    bent: NDArray[np.float64]
+    moved_by: NDArray[np.bool_]
+    begun_durations: NDArray[np.float64]
+    slides: bool
     size: int
     segments: int
     n: int
@@ -69,6 +75,9 @@ class Equations(Protocol):
 
     def resolve(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residual and Jacobian on meshes fine enough for the sensitivities."""
+
+    def state_on(self, segment: int, place: float) -> NDArray[np.float64]:
+        """Return the full state at a clustered time of a segment, as last surveyed."""
 
 
 def at_rest(sizes: NDArray[np.float64], moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -120,10 +129,8 @@ def mark_driven(
         moves[driven(problem.system.compiled, problem.modes.tolist(), ends, x, problem.extended, zeros, count)] = True
 
 
-def mark_reset(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.float64]) -> None:
-    """Mark which states the resets at the segments' ends make of which, as fields do.
-
-    A state that is 0 at all starts, beside others that are not, has no size by which a reset moves it.
+def mark_moved(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.float64]) -> None:
+    """Mark which states resets, constants and drives move, and that those with sizes by what bends do not rest.
 
     Parameters
     ----------
@@ -131,6 +138,16 @@ def mark_reset(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.
         See `at_rest`; written.
     blocks : ndarray, shape (segments, n + 1)
         State at each segment's start, and its duration.
+    """
+    _mark_reset(problem, moves, blocks)
+    mark_driven(problem, moves, blocks[0, : problem.n], np.abs(blocks[:, : problem.n]).max(axis=0))
+    moves[np.flatnonzero(problem.bent > 0.0)] = True
+
+
+def _mark_reset(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.float64]) -> None:
+    """Mark which states the resets at the segments' ends make of which, as fields do.
+
+    A state that is 0 at all starts, beside others that are not, has no size by which a reset moves it.
     """
     n, moved, sized = problem.n, np.empty(problem.n**2), np.any(blocks[:, : problem.n] != 0.0, axis=0)
     sized |= not np.any(sized[: len(problem.system.states)])
@@ -141,12 +158,100 @@ def mark_reset(problem: Equations, moves: NDArray[np.bool_], blocks: NDArray[np.
             moves |= (np.abs(moved.reshape(n, n)) > MOVES_NOTHING) & sized[:, None]
 
 
-def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
+def sizes_nearby(
+    problem: Equations, u: NDArray[np.float64], survey: Survey, given: NDArray[np.float64] | None
+) -> NDArray[np.float64] | None:
     """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
 
     They are what a unit of the active parameters moves in a period. Where that moves none they are those at which
-    fields or resets bend, in powers of ten.
+    fields or resets bend, in powers of ten. So are those of states that rest beside others; `bent` keeps them.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations; `bent` is written.
+    u : ndarray
+        The orbit.
+    survey : Survey
+        Its extremes.
+    given : ndarray, shape (states,), optional
+        Sizes that are known.
+
+    Returns
+    -------
+    ndarray, shape (states,)
+        None where the sizes in use are right.
     """
+    if problem.slides:  # a plane across the flow fixes its start, by sizes on the cycle itself
+        return None
+    at_origin = _sizes_at_origin(problem, u, survey)
+    return _sizes_beside(problem, survey, given) if at_origin is None else at_origin
+
+
+def _sizes_beside(problem: Equations, survey: Survey, given: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    """Return the states' sizes where some rest beside others, and what bends them is many powers of ten off those.
+
+    Sizes are 0 where the orbit or the equations tell them.
+    """
+    count = len(problem.system.states)
+    own = np.maximum(np.abs(survey.lows[:count]), np.abs(survey.highs[:count]))
+    known = own if given is None else np.maximum(own, given)
+    if not np.isfinite(known).all() or not known.min() < RESTING * known.max():
+        return None
+    free = at_rest(known, problem.moved_by) & np.isnan(problem.bent[:count])
+    if not free.any() or not known.max() > ORBIT_NOTHING:
+        return None
+    top = float(known.max())
+    found = top * _bending_beside(problem, free, known, top)
+    told = np.abs(np.log10(found / top)) > UNIT_DECADES
+    problem.bent[np.flatnonzero(free)] = np.where(told, found, 0.0)
+    if not told.any():
+        return None
+    sizes = np.zeros(count) if given is None else given.copy()
+    sizes[free] = np.where(told, found, top)
+    return sizes
+
+
+def _bending_beside(
+    problem: Equations, free: NDArray[np.bool_], sizes: NDArray[np.float64], top: float
+) -> NDArray[np.float64]:
+    """Return sizes of the free states, over the largest of the others, by what bends them or moves the others.
+
+    As `_bending`, along the orbit. What free states change in the rates and images of the others counts over the sizes
+    of these.
+    """
+    compiled, count, n = problem.system.compiled, free.size, problem.n
+    segments = range(problem.segments)
+    lasting = max(float(problem.begun_durations.sum()), 0.0) or 1.0
+    within = [
+        (problem.modes[i], problem.state_on(i, place)) for i in segments for place in np.linspace(0.0, 1.0, _PLACES)
+    ]
+    ends = [(k, problem.state_on(i, 1.0)) for i, k in enumerate(problem.signature.transitions) if k >= 0]
+    places, others, moved = np.flatnonzero(free), np.flatnonzero(~free), np.empty(n * n)
+
+    def reset(transition: int, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        compiled.call("reset_x", transition, 0, state, problem.extended, moved)
+        return moved.reshape(n, n).copy()
+
+    def slopes(x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        def at(state: NDArray[np.float64]) -> NDArray[np.float64]:
+            beside = state.copy()
+            beside[places] = top * x
+            return beside
+
+        found = [lasting * compiled.linearised(mode, at(state), problem.extended)[1] for mode, state in within]
+        resets = [reset(k, at(state)) for k, state in ends]
+        kinds = [np.array(matrices)[:, :count, :count] for matrices in (found, resets) if matrices]
+        shares = [np.abs(kind[:, others[:, None], places]) * np.abs(top * x) / sizes[others, None] for kind in kinds]
+        blocks = [kind[:, places[:, None], places] for kind in kinds]
+        return [*blocks, *((np.eye(places.size) * share.max(axis=(0, 1)))[None] for share in shares)]
+
+    also = np.eye(places.size)[None]
+    return bending_sizes(slopes, places.size, [also] * (4 if ends else 2))
+
+
+def _sizes_at_origin(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
+    """Return `sizes_nearby` of an orbit that rests in the origin, or too near to have any itself."""
     count = len(problem.system.states)
     lows, highs = survey.lows[:count], survey.highs[:count]
     known = problem.state_scale[:count]

@@ -9,6 +9,7 @@ import numpy as np
 
 from saltus.errors import DivergenceError, InputError
 from saltus.flow.poincare import PoincareReturns
+from saltus.flow.sizes import fading, units_of
 from saltus.flow.variational import Average, Growth
 from saltus.maps.code import code_of
 from saltus.maps.growth import growth_of_map
@@ -127,9 +128,12 @@ class MapReturns:
     def compared(
         self, p: NDArray[np.float64], found: PoincareReturns, time: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return states whose recurrence is looked at, and differences of them that are rounding."""
-        rounding = np.asarray(self.criteria.noise * _EPS * np.abs(found.states).max(axis=0))
-        return on_circles(found.states, rounding, self.system.angle_places)
+        """Return states whose recurrence is looked at, in their sizes, and differences of them that are rounding."""
+        sizes = np.abs(found.states).max(axis=0)
+        rounding = np.asarray(self.criteria.noise * _EPS * sizes)
+        nothing = np.where(fading(found.states), np.inf, rounding)
+        units = units_of(sizes, nothing, self.system.angle_places)
+        return on_circles(found.states / units, rounding / units, self.system.angle_places)
 
     def observed(
         self, parameters: Mapping[str, float], found: PoincareReturns, kind: Kind, observables: Sequence[str]
