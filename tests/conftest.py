@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
+import threading
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read where numpy is imported: threads of small products only wait
 
@@ -26,6 +28,10 @@ collect_ignore = ["typing/user_script.py", "campaign", "polynomial.py"]
 
 # compiling makes millions of objects that live on: to look through them as often as by default takes 6 % of the time
 gc.set_threshold(50_000, 50, 50)
+
+# a shell ignores Ctrl-C for what it starts in the background, and so do all tests of interrupts then
+if threading.current_thread() is threading.main_thread():
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # the same examples in each run, however busy the machine
 hypothesis.settings.register_profile("saltus", deadline=None, derandomize=True, print_blob=True)

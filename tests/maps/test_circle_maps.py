@@ -10,11 +10,9 @@ from scipy.optimize import brentq, minimize_scalar
 from saltus import (
     Average,
     ConvergenceError,
-    InputError,
     Map,
     continue_locus,
     continue_orbit,
-    find_attractors,
     find_orbit,
     iterate,
     lyapunov_spectrum,
@@ -174,5 +172,3 @@ def test_images_that_are_no_maps_of_the_circle_are_refused():
     with pytest.raises(DefinitionError, match="piece 'map' = 'y/2 \\+ x'"):
         Map(("x", "y"), {}, {"x": "x", "y": "y/2 + x"}, angles=("x",))
     assert Map(("x",), {}, {"x": "2*x"}, angles=("x",)).angles == ("x",)
-    with pytest.raises(InputError, match="not modulo 2 pi"):
-        find_attractors(CIRCLE, {}, {"x": (-3, 3)})

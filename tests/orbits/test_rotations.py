@@ -16,16 +16,13 @@ from saltus import (
     continue_equilibrium,
     continue_orbit,
     diagram,
-    find_attractors,
     find_equilibrium,
     find_orbit,
     load,
-    map_basins,
     solve_orbit,
     switch_branch,
 )
 from saltus.errors import DefinitionError
-from saltus.options import AttractorOptions
 
 TURN = 2.0 * math.pi
 JUNCTION = HybridSystem.smooth({"phi": "I - sin(phi)"}, {"I": 1.5}, angles=("phi",), name="junction")
@@ -245,15 +242,6 @@ def test_observables_that_grow_with_a_rotation_are_refused():
             ask("mean(phi)")
     swing = find_orbit(FORCED, {"g": 0.9}, x0=[0.0, 0.0])
     assert abs(swing.observe("mean(phi)")["mean(phi)"]) < 1e-6
-
-
-def test_basins_refuse_angles_in_words():
-    for ask in (
-        lambda: find_attractors(PENDULUM, {}, {"phi": (-3, 3), "v": (-3, 3)}, options=AttractorOptions(interval=1.0)),
-        lambda: map_basins(FORCED, {}, {"phi": (-3, 3, 4), "v": (-3, 3, 4)}),
-    ):
-        with pytest.raises(InputError, match="not modulo 2 pi"):
-            ask()
 
 
 @pytest.mark.parametrize(

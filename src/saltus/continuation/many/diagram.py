@@ -233,9 +233,13 @@ class _Run:
             else:
                 self.failures.append(f"{told}: {error}")
             return []
-        if point.multiplicity > 1:
+        if point.multiplicity > 1 and len(found) >= point.multiplicity:
             self._solved.append(place_of(point, self.parameter))
             self._drop(self._solved[-1])
+        elif point.multiplicity > 1:  # more are found from another branch, as from the one that the others leave
+            several = f"{point.multiplicity} directions are critical at once"
+            few = f"{told}: {several}, and {len(found)} other branches are found"
+            self._unsolved.append((place_of(point, self.parameter), few))
         kept = []
         for solution in found:
             value = solution.parameters[self.parameter]

@@ -400,8 +400,9 @@ class AlgebraicZeroProblem:
         if any(np.ptp(sizes) > 0.0 for _, sizes in known):
             unit, sized = self._unit or 1.0, lambda share: self.sized(along(share))
             told = searched_by_size(sized, known, (back, length), self.tests, unit, touches=touches)
-            if told is not None:  # else one value comes to others, or parts from them, as where it touches 0
-                return told
+            still = not (np.all(old.values) and np.all(data.values))  # a value has left the numbers: it has no sign
+            if told is not None or (still and not touches):
+                return told is not False  # else one value comes to others, or parts from them, as where it touches 0
 
         def spectra(shares: NDArray[np.float64]) -> NDArray[np.complex128]:
             return self.in_units(self.spectra(along(shares[:, None])))

@@ -36,6 +36,7 @@ __all__ = [
     "saddle_node_near",
     "solved",
     "tangent_spaces",
+    "with_saddle",
 ]
 
 NO_SADDLE = "its equilibrium is no saddle"  # why no homoclinic orbit is located: nothing leads to it and away again
@@ -294,17 +295,12 @@ def _equations(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], Saddle, tuple[NDArray[np.float64], NDArray[np.float64]]] | str:
     """Return residual, Jacobian, saddle and the ends' coordinates; the derivative of the tangent spaces is left out."""
     radius, stay, sizes = given
-    n, m = problem.n, problem.size
-    F, J = problem.evaluate(u[: m + 1])
-    if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
-        return "its flow cannot be followed"
-    state = u[m + 1 :]
-    f, A = rest.evaluate(np.append(state, u[m]))
-    saddle = tangent_spaces(A[:, :n], state, sizes)
-    if isinstance(saddle, str):
-        return saddle
-    G, K = np.zeros(u.size), np.zeros((u.size, u.size))
-    G[:m], K[:m, : m + 1] = F, J
+    begun = with_saddle(problem, rest, u, sizes)
+    if isinstance(begun, str):
+        return begun
+    G, K, saddle = begun
+    n, m, state = problem.n, problem.size, u[problem.size + 1 :]
+    F, J = G[:m].copy(), K[:m, : m + 1].copy()
     closing = slice(m - n - 1, m - 1)
     to_end = np.zeros((n, u.size))  # derivatives of the end's and the start's differences from the saddle
     to_end[:, : m + 1] = J[closing]
@@ -324,8 +320,29 @@ def _equations(
     K[first + count : first + n] = Ws @ to_start - Es @ Ws @ to_end
     G[n], K[n] = 0.5 * (leaves @ leaves / radius - radius), leaves / radius @ (Wu @ to_start)
     G[m], K[m] = 0.5 * (comes @ comes / radius - radius), comes / radius @ (Ws @ to_end)
-    G[m + 1 :], K[m + 1 :, m], K[m + 1 :, m + 1 :] = f, A[:, n], A[:, :n]
     return G, K, saddle, (leaves, comes)
+
+
+def with_saddle(
+    problem: OrbitProblem, rest: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], Saddle] | str:
+    """Return residual and Jacobian of an orbit and of an equilibrium beside it, with its tangent spaces, or why not.
+
+    The unknowns are those of the orbit, the parameter, and the equilibrium's state. Row `problem.size` is left 0.
+    """
+    n, m = problem.n, problem.size
+    F, J = problem.evaluate(u[: m + 1])
+    if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+        return "its flow cannot be followed"
+    state = u[m + 1 :]
+    f, A = rest.evaluate(np.append(state, u[m]))
+    saddle = tangent_spaces(A[:, :n], state, sizes)
+    if isinstance(saddle, str):
+        return saddle
+    G, K = np.zeros(u.size), np.zeros((u.size, u.size))
+    G[:m], K[:m, : m + 1] = F, J
+    G[m + 1 :], K[m + 1 :, m], K[m + 1 :, m + 1 :] = f, A[:, n], A[:, :n]
+    return G, K, saddle
 
 
 def extended(arc: Arc, radius: float) -> tuple[OrbitProblem, NDArray[np.float64]] | str:

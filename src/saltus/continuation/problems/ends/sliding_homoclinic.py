@@ -1,7 +1,7 @@
 """Cycles with events whose period grows without bound, as they come to an equilibrium of one of their modes.
 
-A segment may begin ever nearer to an equilibrium of its mode from which all its motions depart, as a flight that lands
-next to a pseudo-saddle. Or it passes ever more slowly where a saddle-node of equilibria is about to appear.
+A segment may begin ever nearer to an equilibrium from which all motions of its mode depart, as next to a pseudo-saddle.
+Or it passes ever more slowly where a saddle-node of equilibria is about to appear.
 docs/theory/continuation.md, "Homoclinic orbits with events", derives the equations.
 """
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.problems.ends.homoclinic_problem import saddle_near, tangent_spaces
+from saltus.continuation.problems.ends.homoclinic_problem import saddle_near, tangent_spaces, with_saddle
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.orbits.problem import OrbitProblem
 from saltus.scales import NEWTON_AT_ROUNDING, PASSES, STALLED_AT_ROUNDING
@@ -156,17 +156,12 @@ def _equations(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], Saddle] | str:
     """Return residual, Jacobian and saddle; the derivative of the tangent spaces is left out."""
     radius, sizes = given
-    n, m = problem.n, problem.size
-    F, J = problem.evaluate(u[: m + 1])
-    if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
-        return "its flow cannot be followed"
-    state = u[m + 1 :]
-    f, A = rest.evaluate(np.append(state, u[m]))
-    saddle = tangent_spaces(A[:, :n], state, sizes)
-    if isinstance(saddle, str):
-        return saddle
-    G, K = np.zeros(u.size), np.zeros((u.size, u.size))
-    G[:m], K[:m, : m + 1] = F, J
+    begun = with_saddle(problem, rest, u, sizes)
+    if isinstance(begun, str):
+        return begun
+    G, K, saddle = begun
+    n, m, state = problem.n, problem.size, u[problem.size + 1 :]
+    F, J = G[:m].copy(), K[:m, : m + 1].copy()
     begins = segment * (n + 1)
     closing = slice((begins - n - 1) % m, (begins - n - 1) % m + n)  # how far the landing is from the segment's start
     to_start = np.zeros((n, u.size))
@@ -181,5 +176,4 @@ def _equations(
     G[first : first + count], K[first : first + count] = Wu @ landing, Wu @ to_landing
     G[first + count : first + n], K[first + count : first + n] = Ws @ start, Ws @ to_start
     G[m], K[m] = 0.5 * (leaves @ leaves / radius - radius), leaves / radius @ (Wu @ to_start)
-    G[m + 1 :], K[m + 1 :, m], K[m + 1 :, m + 1 :] = f, A[:, n], A[:, :n]
     return G, K, saddle
