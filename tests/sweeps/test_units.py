@@ -61,3 +61,17 @@ def test_a_state_that_fades_beside_a_torus_is_nothing():
     images = {"a": f"{c!r}*a - {s!r}*b", "b": f"{s!r}*a + {c!r}*b", "z": "q*z"}
     sweep = run_sweep(Map(("a", "b", "z"), {"q": 0.9}, images), "q", [0.5, 0.9, 0.97, 0.995], x0=[1.0, 0.0, 1e-4])
     assert sweep.labels.ravel().tolist() == ["quasi-periodic"] * 4
+
+
+@pytest.mark.parametrize("u", [1.0, 1e-9, 1e9])
+def test_an_exponent_is_taken_over_whole_rounds_in_all_units(u):
+    images = {"x": f"{u!r}*r*(x/{u!r})*(1 - x/{u!r})", "y": "0.1*y + 1"}
+    sweep = run_sweep(Map(("x", "y"), {"r": 3.84}, images), "r", [3.835, 3.84], x0=[0.3 * u, 1.0])
+    for r, exponent in zip(sweep.values.tolist(), sweep.exponents.ravel().tolist(), strict=True):
+        x, log = 0.3, 0.0
+        for _ in range(3000):
+            x = r * x * (1.0 - x)
+        for _ in range(3):
+            log += math.log(abs(r * (1.0 - 2.0 * x)))
+            x = r * x * (1.0 - x)
+        assert exponent == pytest.approx(log / 3.0, abs=1e-9)

@@ -116,11 +116,16 @@ class MapReturns:
         return 1.0
 
     def growth(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, returns: int, time: float) -> Growth:
-        """Return the growth of perturbations over some iterations; over whole rounds of a periodic motion."""
+        """Return the growth of perturbations over some iterations; over whole rounds of a periodic motion.
+
+        States that never come back, as those that fade, do not tell how long a round is.
+        """
         states, _ = self._path(p, x, 0, returns // 2 + 1)
         places = self.system.angle_places
-        apart = np.abs(wrapped(states[1:] - states[0], places)).max(axis=1)
-        near = np.flatnonzero(apart <= self.criteria.recurrence * np.abs(wrapped(states, places)).max())
+        apart = np.abs(wrapped(states[1:] - states[0], places))
+        back = apart <= self.criteria.recurrence * np.abs(wrapped(states, places)).max(axis=0)
+        telling = back.any(axis=0)
+        near = np.flatnonzero(back[:, telling].all(axis=1) & telling.any())
         rounds = int(near[0]) + 1 if near.size else 1
         average = Average(periods=max(-(-returns // rounds) * rounds, 2), discard=max(returns // 4, 1))
         return growth_of_map(self.system, p, x, average=average, exponents=self.exponents)

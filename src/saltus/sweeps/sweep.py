@@ -113,7 +113,8 @@ class Sweep(Result):
     modes : ndarray of int, shape (direction, value)
         Indices of the modes, or pieces of a map, at the end; -1 where there is no motion.
     settings : mapping
-        Options of `run_sweep`, thresholds included.
+        Options of `run_sweep`, thresholds included. Without a given one, ``atol`` is the absolute tolerance that fits
+        the motion at the first value. Motions with far smaller states are followed by finer ones.
     stopped : str
         Why the sweep ended, in words.
 
