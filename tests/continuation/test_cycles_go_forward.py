@@ -268,20 +268,27 @@ def test_the_sense_of_a_null_vector_is_the_same_in_every_phase_plane():
     assert len(set(senses)) == 1
 
 
-@pytest.mark.campaign
-def test_a_mitotic_cascade_relaxes_on_one_branch_from_its_hopf_point():
-    """Goldbeter (1991): enzymes next to saturation make a cycle with fronts; SciPy has its period in the middle."""
-    constant = 0.005
+CASCADES = [(constant, way) for constant in (0.002, 0.001, 0.005) for way in ("one parameter", "four")]
+
+
+@pytest.mark.parametrize(("constant", "way"), guarding(CASCADES, (0.002, "one parameter")))
+def test_a_mitotic_cascade_relaxes_on_one_branch_from_its_hopf_point(constant, way):
+    """Goldbeter (1991): enzymes next to saturation make a cycle with fronts; SciPy has its period in the middle.
+
+    Decays are slow on the small cycle that begins the branch, and hundreds of times faster where enzymes saturate.
+    """
+    K1, K2, K3, K4 = ("K",) * 4 if way == "one parameter" else ("K1", "K2", "K3", "K4")
     fields = {
         "C": "vi - 0.25*X*C/(0.02 + C) - 0.01*C",
-        "M": "3*C/(0.5 + C)*(1 - M)/(K + 1 - M) - 1.5*M/(K + M)",
-        "X": "M*(1 - X)/(K + 1 - X) - 0.5*X/(K + X)",
+        "M": f"3*C/(0.5 + C)*(1 - M)/({K1} + 1 - M) - 1.5*M/({K2} + M)",
+        "X": f"M*(1 - X)/({K3} + 1 - X) - 0.5*X/({K4} + X)",
     }
-    system = saltus.HybridSystem.smooth(fields, {"vi": 0.025, "K": constant})
+    system = saltus.HybridSystem.smooth(fields, {"vi": 0.025} | dict.fromkeys((K1, K2, K3, K4), constant))
     rest = saltus.continue_equilibrium(saltus.find_equilibrium(system, x0=[0.01] * 3), "vi", (0.005, 0.1))
     cycles = saltus.continue_orbit(saltus.switch_branch(rest["HB1"]), "vi", (0.005, 0.1))
     assert sorted(point.type for point in cycles.special_points) == ["HB", "SN"]
     assert "vi = 0.1: bound reached" in cycles.stopped
+    assert len(cycles) < 100
     assert cycles.audit.passed, cycles.audit
     (orbit,) = cycles.at(0.05)
 
@@ -299,5 +306,5 @@ def test_a_mitotic_cascade_relaxes_on_one_branch_from_its_hopf_point():
         return u[2] - 0.5
 
     half.direction = 1.0
-    motion = solve_ivp(field, (0.0, 400.0), [0.3, 0.1, 0.1], "Radau", rtol=1e-10, atol=1e-13, events=half)
+    motion = solve_ivp(field, (0.0, 400.0), [0.3, 0.1, 0.1], "LSODA", rtol=1e-10, atol=1e-13, events=half)
     assert orbit.period == pytest.approx(float(np.diff(motion.t_events[0])[-1]), rel=1e-6)

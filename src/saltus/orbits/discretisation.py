@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.orbits.frames import linear_frames, merged, pieces
-from saltus.orbits.meshes import FEW, joined, stabilised
+from saltus.orbits.meshes import FEW, decays_along, joined, stabilised
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -59,6 +59,7 @@ class Discretised(ABC):
     _looked: int
     _rough: bool  # whether meshes that are moved do not settle
     _unsettled: int  # moves of meshes in a row that left them too coarse
+    _unsteady: bool  # whether steps have been too long for stability where many are short
     _decays: list[float | Decay]
     _dense: tuple[NDArray[np.float64], NDArray[np.float64]]
     _seen: tuple[NDArray[np.float64], NDArray[np.float64]]  # unknowns and mesh of the last survey
@@ -151,7 +152,8 @@ class Discretised(ABC):
     def _use(self, places: NDArray[np.float64], starts: NDArray[np.int64]) -> None:
         begun = self.begun_durations
         longer = np.divide(self._lasting, begun, out=np.ones(begun.size), where=begun > 0.0)
-        self.mesh = (places, starts) if self.stiff else stabilised(places, starts, self._decays, longer)
+        steady = (places, starts) if self.stiff else stabilised(places, starts, self._decays, longer)
+        self.mesh = steady if steady[0].size <= max(places.size, self._meshes.MOST_NODES) else (places, starts)
         self._errors = np.zeros(self.mesh[0].size)
 
     def _curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -194,7 +196,9 @@ class Discretised(ABC):
             return True
         self._unsettled += 1
         self._rough = self._rough or self._unsettled > _SETTLING
-        if self._rough and self._worst <= self._meshes.UNSTABLE:
+        unstable = not self._worst <= self._meshes.UNSTABLE
+        self._unsteady |= unstable and not self.stiff and self.steps >= FEW * self.segments
+        if self._rough and not unstable:
             self._cut_steps()
             return False
         fine = self._move(self._meshes.FINEST, met=met)
@@ -221,7 +225,19 @@ class Discretised(ABC):
             self.set_parameters(u)
             self._adapt(u)
         elif not self.stabilise(u):
+            if self._unsteady and self.linear is None:
+                self.survey(u)
+                self._follow_decays(u, range(self.segments))
             self._move(1.0)
+
+    def _follow_decays(self, u: NDArray[np.float64], which: Iterable[int]) -> None:
+        """Look at the decays of some segments all along the orbit `u`, as last surveyed."""
+        places, starts, nodes, _ = self.dense()
+        blocks = u[: self.segments * (self.n + 1)].reshape(self.segments, self.n + 1)
+        for i in which:
+            own, duration = slice(starts[i], starts[i + 1]), np.minimum(abs(blocks[i, self.n]), self.begun_durations[i])
+            given = self.extended, float(duration)
+            self._decays[i] = decays_along(self.system.compiled, int(self.modes[i]), nodes[own], places[own], given)
 
     def stabilise(self, u: NDArray[np.float64]) -> bool:
         """Go on by implicit steps where explicit ones have become many and cost more; return whether they are new."""

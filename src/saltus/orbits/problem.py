@@ -15,7 +15,7 @@ from saltus.orbits.common_sizes import common_sizes, surface_rows
 from saltus.orbits.discretisation import Dense, Discretised
 from saltus.orbits.frames import lawson_steps
 from saltus.orbits.landing.landed import on_surfaces
-from saltus.orbits.meshes import adapted, crowding, decays, decays_along, implicit_second, implicit_steps, joined
+from saltus.orbits.meshes import adapted, crowding, decays, implicit_second, implicit_steps, joined
 from saltus.orbits.plane import facings, further_planes, normal_across
 from saltus.orbits.records import Orbit, events_of, room_for
 from saltus.orbits.resting import at_rest, mark_driven, mark_moved, nearest_to_zero, sizes_nearby
@@ -95,7 +95,7 @@ class OrbitProblem(Discretised):
         self._nearest, self._worst = 1.0, 0.0
         self._surface_rows = np.zeros((2, 0, len(self.system.states)))
         self._common: tuple[NDArray[np.float64], ...] | None = None  # rows and sizes that common sizes are known of
-        self.stiff, self._looked, self._rough, self._unsettled = False, 0, False, 0
+        self.stiff, self._looked, self._rough, self._unsettled, self._unsteady = False, 0, False, 0, False
         self.linear, self.relaxes = None, False
         self._largest = np.zeros(len(self.system.states))
         self.bent = np.full(self.n, np.nan)  # sizes at which states at rest bend: 0 for none, NaN where unknown
@@ -231,21 +231,11 @@ class OrbitProblem(Discretised):
             return found
         (places, starts), self.stiff = joined(found[0]), found[1]
         if not self.stiff and (crowded := crowding(places, starts, self._decays)):
-            self._follow_decays(u, (places, starts), crowded)
+            self.mesh = places, starts
+            self.survey(u)
+            self._follow_decays(u, crowded)
         self._use(places, starts)
         return None
-
-    def _follow_decays(
-        self, u: NDArray[np.float64], mesh: tuple[NDArray[np.float64], NDArray[np.int64]], crowded: list[int]
-    ) -> None:
-        """Look at the decays of some segments all along the orbit `u`, which is followed on a mesh of its own."""
-        self.mesh = mesh
-        self.survey(u)
-        places, starts, nodes, _ = self.dense()
-        blocks, compiled = u[: self.size].reshape(self.segments, self.n + 1), self.system.compiled
-        for i in crowded:
-            own, given = slice(starts[i], starts[i + 1]), (self.extended, float(blocks[i, self.n]))
-            self._decays[i] = decays_along(compiled, int(self.modes[i]), nodes[own], places[own], given)
 
     def fix_phase(self, u: NDArray[np.float64], survey: Survey, *, cuts: bool = False) -> None:
         """Lay the plane of `normal_across`, in units of the states' sizes, through the start of the orbit `u`.

@@ -16,6 +16,7 @@ from saltus import (
     find_equilibrium,
     find_orbit,
     load,
+    solve_orbit,
     switch_branch,
 )
 from saltus.continuation.results import auditing
@@ -24,6 +25,7 @@ from saltus.continuation.results.auditing import audited
 from saltus.continuation.results.special_points import SpecialPoints
 from saltus.errors import InputError
 from saltus.orbits.signature import Signature
+from selection import guarding
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +124,70 @@ def test_a_branch_that_goes_back_behind_another_signature_is_told(section):
     )
     (found, _) = auditing._forward(auditing._Seen.of(back), auditing.growing(back))
     assert any("the same solutions follow on both sides" in text for _, text in found)
+
+
+@pytest.fixture(scope="module")
+def rattle():
+    """A gear rattle between two stops: hits of tiny speed come and go at its grazings, where the branch turns."""
+    system = HybridSystem(
+        ("x", "v"), {"A": 1.0, "d": 0.5, "e": 0.6, "w": 1.0}, {"f": Mode({"x": "v", "v": "A*w**2*cos(th)"})},
+        [Transition("f", "f", "x-d", 1, {"v": "-e*v"}, name="R"),
+         Transition("f", "f", "x+d", -1, {"v": "-e*v"}, name="L")],
+        phase=("th", "w"),
+    )  # fmt: skip
+    phase, speed = 3.378093327609896, 0.7029064493612437
+    halves = [("f", "R", [-0.5, speed, phase], np.pi), ("f", "L", [0.5, -speed, phase + np.pi], np.pi)]
+    return continue_orbit(solve_orbit(system, segments=halves), "d", (0.1, 0.6))
+
+
+def _with_hits(form, hits):
+    further = {name: (*getattr(form, name), *[0] * hits) for name in ("modes", "transitions", "kinds")}
+    return replace(form, **further)
+
+
+def _folded(curve, first, last, hits):
+    """Return a curve before which stands a part of it, backwards, with further hits of no speed."""
+    back = np.r_[last:first:-1]
+    rows = np.r_[back, first : len(curve)]
+    names = ("x0", "multipliers", "stable", "admissible", "period", "lows", "highs", "means", "harmonics", "implicit",
+             "values", "residual")  # fmt: skip
+    forms = [_with_hits(form, hits) for form in curve.forms]
+    moved = len(back) - first
+    points = [replace(p, position=p.position + moved) for p in curve.special_points if p.position > first]
+    again = [replace(p, position=last - p.position) for p in curve.special_points if first < p.position < last]
+    return replace(
+        curve,
+        **{name: getattr(curve, name)[rows] for name in names},
+        form=np.r_[curve.form[back] + len(curve.forms), curve.form[first:]],
+        forms=(*curve.forms, *forms),
+        unknowns=tuple(curve.unknowns[i] for i in rows),
+        arclength=np.arange(len(rows), dtype=float),
+        freed=np.empty(0),
+        special_points=SpecialPoints([*again, *points], curve.varied),
+    )
+
+
+@pytest.mark.parametrize("seed", guarding(range(24), 0, 1, 2))
+def test_a_branch_with_impacts_that_goes_back_with_one_hit_more_is_told(rattle, seed):
+    rng = np.random.default_rng(seed)
+    assert rattle.audit.passed
+    way = np.sign(np.diff(rattle.values))
+    first = int(rng.choice([i for i in range(len(rattle) - 8) if np.ptp(way[i : i + 7]) == 0.0]))
+    back = _folded(rattle, first, first + int(rng.integers(4, 8)), int(rng.integers(0, 3)))
+    found, _ = auditing._forward(auditing._Seen.of(back), auditing.growing(back))
+    assert any("the same solutions follow on both sides" in text for _, text in found)
+
+
+@pytest.mark.parametrize("label", ["SN3", "BP3"])
+def test_a_point_that_is_listed_again_with_one_hit_more_is_told(rattle, label):
+    point = rattle[label]
+    orbit = point.solution
+    states, durations = np.vstack([orbit.states, orbit.states[:1]]), np.append(orbit.durations, 0.0)
+    more = replace(orbit, form=_with_hits(orbit.form, 1), states=states, durations=durations)
+    again = replace(point, label="X1", arclength=point.arclength + 0.1, solution=more)
+    points = SpecialPoints([*rattle.special_points, again], rattle.varied)
+    found, _ = auditing._twice(auditing._Seen.of(replace(rattle, special_points=points)))
+    assert [text for _, text in found] == [f"X1 is {label} once more"]
 
 
 def test_multipliers_whose_product_is_not_that_of_the_divergence_are_told(response):

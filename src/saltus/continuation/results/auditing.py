@@ -123,6 +123,27 @@ class _Seen:
         return np.asarray(table[:, kept] / ranges[kept])
 
     @cached_property
+    def uncounted(self) -> NDArray[np.float64]:
+        """What the number of hits does not change, (point, quantity): by it orbits with different hits are compared.
+
+        The extremes of a drive's phase depend on where the first segment starts, and are left out. A hit of tiny speed
+        changes neither harmonics nor the multipliers that are not tiny; behind a grazing a multiplier leaps.
+        """
+        curve = self.curve
+        if "harmonics" not in vars(curve):
+            return self.quantities
+        states, sizes = len(curve.system.states), np.maximum(np.abs(curve.lows), np.abs(curve.highs)).max(axis=0)
+        waves = np.abs(curve.harmonics[:, :states]).reshape(len(curve), -1)
+        table = np.hstack([curve.lows[:, :states], curve.highs[:, :states], curve.means[:, :states], waves])
+        known = np.append(np.tile(sizes[:states], 3), np.abs(waves).max(axis=0))
+        ranges = np.ptp(table, axis=0)
+        kept = np.isfinite(table).all(axis=0) & (ranges > LOCATED * known)
+        lengths = np.abs(curve.multipliers)
+        shares = np.where(np.isfinite(lengths), lengths / (1.0 + lengths), 1.0)
+        periods = curve.period[:, None] / np.abs(curve.period).max()
+        return np.hstack([table[:, kept] / ranges[kept], periods, shares])
+
+    @cached_property
     def events(self) -> list[list[int]]:
         """The transitions that make each point's orbit of a flow, as often as they happen; none of other solutions."""
         curve = self.curve
@@ -238,9 +259,9 @@ def _retraced(seen: _Seen, k: int, i: int, j: int) -> bool:
             start, width = values[a], values[c] - values[a]
             if abs(width) <= rounding or not 0.0 <= (share := (values[b] - start) / width) <= 1.0:
                 continue
-            if not seen.events[a] == seen.events[c] == seen.events[b]:
-                continue  # an orbit with further events is another one, however near
-            away = _off_line(seen, (a, c), share, b)
+            # hits of tiny speed come and go, and nothing else of the orbit changes
+            alike = seen.events[a] == seen.events[c] == seen.events[b]
+            away = _off_line(seen.quantities if alike else seen.uncounted, (a, c), share, b)
             if away is None:
                 continue
             if not away < ON_LINE:
@@ -250,13 +271,13 @@ def _retraced(seen: _Seen, k: int, i: int, j: int) -> bool:
     return count > 1
 
 
-def _off_line(seen: _Seen, segment: tuple[int, int], share: float, b: int) -> float | None:
+def _off_line(table: NDArray[np.float64], segment: tuple[int, int], share: float, b: int) -> float | None:
     """Return the distance of a point from the line through two others, over theirs; None where these are the same."""
     a, c = segment
-    chord = seen.quantities[c] - seen.quantities[a]
-    line = seen.quantities[a] + share * chord
+    chord = table[c] - table[a]
+    line = table[a] + share * chord
     length = float(np.abs(chord).max(initial=0.0))
-    return float(np.abs(seen.quantities[b] - line).max(initial=0.0)) / length if length > 0.0 else None
+    return float(np.abs(table[b] - line).max(initial=0.0)) / length if length > 0.0 else None
 
 
 def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
@@ -279,7 +300,10 @@ def _twice(seen: _Seen) -> tuple[list[tuple[float, str]], int]:
 
 def _is_once_more(seen: _Seen, point: Any, other: Any) -> bool:
     """Return whether two special points at the same parameters, apart along the curve, are one solution."""
-    if (point.type, point.of, _events_of(point)) != (other.type, other.of, _events_of(other)):
+    if (point.type, point.of) != (other.type, other.of):
+        return False
+    alike = _events_of(point) == _events_of(other)
+    if not alike and not _at_one_place(seen, point, other):
         return False
     if zero(point.arclength - other.arclength, LOCATED) is not Verdict.NO:
         return False
@@ -290,8 +314,17 @@ def _is_once_more(seen: _Seen, point: Any, other: Any) -> bool:
         extent.shape == known.shape
         and bool(same(extent, known, LOCATED * seen.size))
         and bool(same(longer, shorter, LOCATED * abs(longer)))
-        and _alongside(seen, point.position, other.position)
+        and _alongside(seen.quantities if alike else seen.uncounted, point.position, other.position)
     )
+
+
+def _at_one_place(seen: _Seen, point: Any, other: Any) -> bool:
+    """Return whether the parameters of two points are the same by their errors.
+
+    Where hits accumulate, special points do so too, each of orbits with a hit more.
+    """
+    values = ([one.value(name) for name in seen.curve.varied] for one in (point, other))
+    return all(map(same, *values, seen.rounding.tolist()))
 
 
 def _events_of(point: Any) -> list[int]:
@@ -302,14 +335,14 @@ def _events_of(point: Any) -> list[int]:
     return sorted(k for k in form.transitions if k >= 0)
 
 
-def _alongside(seen: _Seen, place: float, other: float) -> bool:
+def _alongside(table: NDArray[np.float64], place: float, other: float) -> bool:
     """Return whether two places of a curve may have one solution, by what the points next to them have.
 
     Mirror images have the same extremes, and means of their own.
     """
-    last = len(seen.values) - 1
+    last = len(table) - 1
     rows = [np.clip([int(at), int(at) + 1], 0, last) for at in (place, other)]
-    lows, highs = (np.array([reach(seen.quantities[pair], axis=0) for pair in rows]) for reach in (np.min, np.max))
+    lows, highs = (np.array([reach(table[pair], axis=0) for pair in rows]) for reach in (np.min, np.max))
     room = np.max(highs - lows, axis=0) + LOCATED
     return bool(np.all(lows.max(axis=0) - highs.min(axis=0) <= room))
 
