@@ -298,9 +298,8 @@ def _equations(
     begun = with_saddle(problem, rest, u, sizes)
     if isinstance(begun, str):
         return begun
-    G, K, saddle = begun
-    n, m, state = problem.n, problem.size, u[problem.size + 1 :]
-    F, J = G[:m].copy(), K[:m, : m + 1].copy()
+    G, K, F, J, saddle = begun
+    n, m, state = problem.n, problem.size, saddle.state
     closing = slice(m - n - 1, m - 1)
     to_end = np.zeros((n, u.size))  # derivatives of the end's and the start's differences from the saddle
     to_end[:, : m + 1] = J[closing]
@@ -325,8 +324,8 @@ def _equations(
 
 def with_saddle(
     problem: OrbitProblem, rest: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], Saddle] | str:
-    """Return residual and Jacobian of an orbit and of an equilibrium beside it, with its tangent spaces, or why not.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], Saddle] | str:
+    """Return residual and Jacobian of an orbit and an equilibrium, those of the orbit, and the saddle, or why not.
 
     The unknowns are those of the orbit, the parameter, and the equilibrium's state. Row `problem.size` is left 0.
     """
@@ -342,7 +341,7 @@ def with_saddle(
     G, K = np.zeros(u.size), np.zeros((u.size, u.size))
     G[:m], K[:m, : m + 1] = F, J
     G[m + 1 :], K[m + 1 :, m], K[m + 1 :, m + 1 :] = f, A[:, n], A[:, :n]
-    return G, K, saddle
+    return G, K, F, J, saddle
 
 
 def extended(arc: Arc, radius: float) -> tuple[OrbitProblem, NDArray[np.float64]] | str:

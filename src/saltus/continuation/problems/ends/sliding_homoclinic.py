@@ -159,9 +159,8 @@ def _equations(
     begun = with_saddle(problem, rest, u, sizes)
     if isinstance(begun, str):
         return begun
-    G, K, saddle = begun
-    n, m, state = problem.n, problem.size, u[problem.size + 1 :]
-    F, J = G[:m].copy(), K[:m, : m + 1].copy()
+    G, K, F, J, saddle = begun
+    n, m, state = problem.n, problem.size, saddle.state
     begins = segment * (n + 1)
     closing = slice((begins - n - 1) % m, (begins - n - 1) % m + n)  # how far the landing is from the segment's start
     to_start = np.zeros((n, u.size))
