@@ -138,8 +138,8 @@ class _Seen:
         known = np.append(np.tile(sizes[:states], 3), np.abs(waves).max(axis=0))
         ranges = np.ptp(table, axis=0)
         kept = np.isfinite(table).all(axis=0) & (ranges > LOCATED * known)
-        lengths = np.abs(curve.multipliers)
-        shares = np.where(np.isfinite(lengths), lengths / (1.0 + lengths), 1.0)
+        shares = 1.0 - 1.0 / (1.0 + np.abs(curve.multipliers))
+        shares[np.isnan(shares)] = 1.0  # unknown ones are large, as infinite ones are
         periods = curve.period[:, None] / np.abs(curve.period).max()
         return np.hstack([table[:, kept] / ranges[kept], periods, shares])
 
