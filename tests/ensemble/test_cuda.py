@@ -148,7 +148,7 @@ def test_the_compiler_of_a_device_takes_the_generated_text(between_wall_and_spri
     monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(8, 0)))
     reals, pairs, whole, indices = np.empty(1), np.empty((1, 2)), np.empty(1, np.int64), np.empty((1, 2), np.int64)
     arguments = (
-        Lanes(whole, whole, reals, reals), (pairs,), Motions(pairs, whole), Regions(pairs, pairs, whole),
+        Lanes(whole, whole, reals, reals), (pairs,), Motions(pairs, whole), Regions(pairs, pairs, whole, whole),
         Boxes(reals, reals, indices, whole), Settings(1.0, 1.0, 1.0, 1.0, 1, 1),
         Found(np.empty(1, np.uint8), np.empty(1, np.int32), pairs, whole), whole,
     )  # fmt: skip

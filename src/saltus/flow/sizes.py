@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "SMALL", "STEPS_KEPT", "Sizes", "fading", "fitting_atol",
-           "followed_in_size", "share_of", "sizes_along", "sizes_from", "sizes_on_the_way", "units_of"]  # fmt: skip
+__all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "SMALL", "STEPS_KEPT", "Sizes", "fitting_atol",
+           "followed_in_size", "share_of", "sizes_along", "sizes_from", "sizes_on_the_way", "units_along", "units_of"]  # fmt: skip
 
 RTOL = 1e-10  # relative tolerance of a motion's steps
 ATOL = 1e-12  # absolute tolerance of a motion's steps, for states of size 1 or more
@@ -164,7 +164,22 @@ def share_of(sizes: NDArray[np.float64]) -> float:
     return float(np.min(sizes, initial=1.0, where=sizes > _LEAST))
 
 
-def fading(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def units_along(
+    points: NDArray[np.float64], sizes: NDArray[np.float64], rounding: NDArray[np.float64], angles: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return `units_of` of a motion, (points, n): states that fade count by the size of those that go on.
+
+    Beside angles alone, which have none, what fades counts as nothing: its unit is infinite.
+    """
+    fades = _fading(points)
+    units = units_of(sizes, np.where(fades, np.inf, rounding), angles)
+    straight = np.delete(np.arange(sizes.size), angles)
+    if angles.size and fades[straight].all():
+        units[straight] = np.inf
+    return units
+
+
+def _fading(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which states become smaller from each eighth of a motion to the next, shape (n,), from its (points, n).
 
     Such a state has no size of its own beside others, where these go on.

@@ -12,7 +12,7 @@ from saltus.errors import DefinitionError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.motion_kind import CHAOTIC, QUASI_PERIODIC, STRANGE, UNRESOLVED, Kind, classify
 from saltus.flow.recurring.criteria import Criteria
-from saltus.flow.sizes import RTOL, fading, units_of
+from saltus.flow.sizes import RTOL, units_along
 from saltus.flow.variational import Average, frame_tolerance, growth_along
 from saltus.orbits.settling import follow
 from saltus.system.angles import on_circles, wrapped
@@ -168,8 +168,7 @@ def _kind(motion: Unsettled, points: NDArray[np.float64], exponent: float, error
         grows = exponent > max(error, math.log(count) / count)  # what grows like time has no exponent
         return Kind(CHAOTIC if grows else UNRESOLVED, 0, math.nan, 0)
     rounding = criteria.noise * (motion.atol + RTOL * motion.sizes[: points.shape[1]])
-    nothing = np.where(fading(points), np.inf, rounding)
-    units = units_of(motion.sizes[: points.shape[1]], nothing, motion.system.angle_places)
+    units = units_along(points, motion.sizes[: points.shape[1]], rounding, motion.system.angle_places)
     states, rounding = on_circles(points / units, rounding / units, motion.system.angle_places)
     return classify(states, exponent, error, criteria, rounding, autonomous=motion.system.phase is None)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.errors import DivergenceError, InputError
 from saltus.flow.poincare import PoincareReturns
-from saltus.flow.sizes import fading, units_of
+from saltus.flow.sizes import units_along
 from saltus.flow.variational import Average, Growth
 from saltus.maps.code import code_of
 from saltus.maps.growth import growth_of_map
@@ -136,8 +136,7 @@ class MapReturns:
         """Return states whose recurrence is looked at, in their sizes, and differences of them that are rounding."""
         sizes = np.abs(found.states).max(axis=0)
         rounding = np.asarray(self.criteria.noise * _EPS * sizes)
-        nothing = np.where(fading(found.states), np.inf, rounding)
-        units = units_of(sizes, nothing, self.system.angle_places)
+        units = units_along(found.states, sizes, rounding, self.system.angle_places)
         return on_circles(found.states / units, rounding / units, self.system.angle_places)
 
     def observed(
