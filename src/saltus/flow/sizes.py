@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "SMALL", "STEPS_KEPT", "Sizes", "fitting_atol",
-           "followed_in_size", "share_of", "sizes_along", "sizes_from", "sizes_on_the_way", "units_along", "units_of"]  # fmt: skip
+__all__ = [
+    "ATOL", "EPSILON", "MOST_KEPT", "RTOL", "SMALL", "STEPS_KEPT", "Sizes", "fitting_atol", "followed_in_size",
+    "share_of", "sizes_along", "sizes_from", "sizes_on_the_way", "units_along", "units_of",
+]  # fmt: skip
 
 RTOL = 1e-10  # relative tolerance of a motion's steps
 ATOL = 1e-12  # absolute tolerance of a motion's steps, for states of size 1 or more
