@@ -37,18 +37,19 @@ def or_unknown(
     Parameters
     ----------
     rates : ndarray, shape (segments,)
-        Lie derivative of each segment's event at its end, as a survey has it.
+        Lie derivative of each segment's event at its end, as a survey has it. Parameters are those of `u`.
     """
     met = [i for i, kind in enumerate(problem.signature.kinds) if kind in (EVENT_END, MEAN_END)]
     if not met:
         return values
     period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
-    known = np.abs(rates[met]) * period * ROUGH > followed(problem.tol) * problem.event_sizes(u)[met]
-    if np.all(known):
+    share = followed(problem.tol) / (period * ROUGH) if period > 0.0 else math.inf
+    slow = [i for i, rate in zip(met, rates[met].tolist(), strict=True) if not abs(rate) > share * _size(problem, u, i)]
+    if not slow:
         return values
     single = math.nan
     if problem.n == 2 and not problem.conserving:
-        single = _product(problem, u, J, np.array(met)[~known].tolist())
+        single = _product(problem, u, J, slow)
     if math.isnan(single) and any(abs(value) >= INFINITE for value in values.tolist()):
         return values
     told = np.full(values.size, complex(math.nan))
@@ -56,6 +57,12 @@ def or_unknown(
     if problem.system.phase is None:
         told[-1] = 1.0
     return told
+
+
+def _size(problem: OrbitProblem, u: NDArray[np.float64], i: int) -> float:
+    """Return how much a segment's event function varies with the states' sizes, where the next segment starts."""
+    k, start = problem.signature.transitions[i], (i + 1) % problem.segments * (problem.n + 1)
+    return problem.event_size(k, u[start : start + problem.n]) if k >= 0 else 0.0
 
 
 def _product(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], slow: list[int]) -> float:
