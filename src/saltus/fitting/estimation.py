@@ -318,9 +318,10 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
         notes=(*_notes(wanted, found, objective), *profiles.notes),
     )
     if fit.misfit and not found.is_interrupted:
-        told = reread(objective, found, wanted.start, bounds, wanted.others)
-        told = told or remedy_of(found.evaluation, found.values, bounds, wanted.candidates)
-        fit = replace(fit, remedy="; ".join([*contradictions(found.evaluation), *([told] if told else [])]))
+        told = [reread(objective, found, wanted.start, bounds, wanted.others)]
+        if not told[0] or found is not lenient:  # the lenient comparison has no walls: linear estimates reach farther
+            told.append(remedy_of(lenient.evaluation, lenient.values, bounds, wanted.candidates))
+        fit = replace(fit, remedy="; ".join([*contradictions(found.evaluation), *filter(None, told)]))
         warnings.warn(f"saltus: {fit.message}", RuntimeWarning, stacklevel=3)
     for one in wanted.priors.contradicted(found.values, names):
         warnings.warn(f"saltus: {one}", RuntimeWarning, stacklevel=3)
