@@ -17,7 +17,7 @@ from saltus.continuation.core.multiple import crossing_point
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
 from saltus.continuation.problems.extents import extents
-from saltus.continuation.runs.copies import algebraic_copied
+from saltus.continuation.runs.copies import fresh_point
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_value
 from saltus.continuation.runs.run import Asked, Going
@@ -193,11 +193,11 @@ class AlgebraicRun(OneParameterRun):
 
     def again(self, piece: AlgebraicZeroProblem, point: Point) -> Callable[[], tuple[AlgebraicZeroProblem, Point]]:
         """See `Run.again`."""
-        made = algebraic_copied(piece, point)
+        made = piece.copied(), fresh_point(point)
 
         def begun() -> tuple[AlgebraicZeroProblem, Point]:
             self._marks, self._blunt = [], set()
-            return made()
+            return made
 
         return begun
 

@@ -13,17 +13,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.core.zero_problem import Point
-    from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
     from saltus.continuation.problems.orbit import OrbitZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["algebraic_copied", "copied"]
-
-
-def algebraic_copied(branch: AlgebraicZeroProblem, point: Point) -> Callable[[], tuple[AlgebraicZeroProblem, Point]]:
-    """Return what gives algebraic equations and first point of a branch as they are now, whatever becomes of these."""
-    fresh, first = branch.copied(), _fresh(point)
-    return lambda: (fresh, first)
+__all__ = ["copied", "fresh_point"]
 
 
 def copied(
@@ -41,13 +34,13 @@ def copied(
     problem = replace(branch.problem)
     problem.take(branch.problem.kept())
     problem.phase_plane = branch.problem.phase_plane.copy()
-    first = _fresh(point)
+    first = fresh_point(point)
     fresh = make(problem, first.u)
     fresh.like(branch, first.u)
     return lambda: (fresh, first)
 
 
-def _fresh(point: Point) -> Point:
+def fresh_point(point: Point) -> Point:
     """Return a point with arrays and monitor functions of its own."""
     found = copy(point)
     found.examined = replace(point.examined, monitors=dict(point.examined.monitors))

@@ -34,6 +34,7 @@ __all__ = [
     "extended",
     "saddle_near",
     "saddle_node_near",
+    "scaled_step",
     "solved",
     "tangent_spaces",
     "with_saddle",
@@ -267,15 +268,10 @@ def solved(
             return found
         G, J, saddle, ends = found
         fine = problem.refine()
-        J *= scale
-        rows = np.maximum(np.abs(J).max(axis=1), 1e-300)
-        try:
-            step = np.linalg.solve(J / rows[:, None], -G / rows)
-        except np.linalg.LinAlgError:
-            return "its equations are singular"
-        size = float(np.abs(step).max())
-        if not size < 10.0:
-            return "Newton's method does not converge"
+        made = scaled_step(G, J, scale)
+        if isinstance(made, str):
+            return made
+        step, rows, size = made
         # next to the saddle rounding of the states moves the whole arc in time, by their rounding over the radius
         rounded = np.max(np.abs(G) / rows) <= ALGEBRAIC_RESIDUAL * max(1.0, float(np.max(np.abs(u / scale))))
         u = u + step * scale
@@ -320,6 +316,23 @@ def _equations(
     G[n], K[n] = 0.5 * (leaves @ leaves / radius - radius), leaves / radius @ (Wu @ to_start)
     G[m], K[m] = 0.5 * (comes @ comes / radius - radius), comes / radius @ (Ws @ to_end)
     return G, K, saddle, (leaves, comes)
+
+
+def scaled_step(
+    G: NDArray[np.float64], K: NDArray[np.float64], scale: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | str:
+    """Return Newton's step over the scales of the unknowns, the sizes of the rows, and its size, or why there is none.
+
+    The Jacobian `K` is scaled in place.
+    """
+    K *= scale
+    rows = np.maximum(np.abs(K).max(axis=1), 1e-300)
+    try:
+        step = np.linalg.solve(K / rows[:, None], -G / rows)
+    except np.linalg.LinAlgError:
+        return "its equations are singular"
+    size = float(np.abs(step).max())
+    return (step, rows, size) if size < 10.0 else "Newton's method does not converge"
 
 
 def with_saddle(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.problems.ends.homoclinic_problem import saddle_near, tangent_spaces, with_saddle
+from saltus.continuation.problems.ends.homoclinic_problem import saddle_near, scaled_step, tangent_spaces, with_saddle
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.orbits.problem import OrbitProblem
 from saltus.scales import NEWTON_AT_ROUNDING, PASSES, STALLED_AT_ROUNDING
@@ -130,15 +130,10 @@ def _solved(
             return made
         G, K, saddle = made
         fine = problem.refine()
-        K *= scale
-        rows = np.maximum(np.abs(K).max(axis=1), 1e-300)
-        try:
-            step = np.linalg.solve(K / rows[:, None], -G / rows)
-        except np.linalg.LinAlgError:
-            return "its equations are singular"
-        size = float(np.abs(step).max())
-        if not size < 10.0:
-            return "Newton's method does not converge"
+        taken = scaled_step(G, K, scale)
+        if isinstance(taken, str):
+            return taken
+        step, _, size = taken
         u = u + step * scale
         stalled = size > 0.3 * previous and size < STALLED_AT_ROUNDING
         if fine and (size < NEWTON_AT_ROUNDING or stalled):
