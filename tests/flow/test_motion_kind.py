@@ -301,6 +301,17 @@ def test_the_map_of_grebogi_and_others_is_strange_and_not_chaotic():
         assert classify(points[1000:], 0.0, 1e-3).label == label
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_an_angle_that_was_not_said_to_be_one_is_no_strange_set(size):
+    """Two drives without a common period: the phase of the second goes on, and shifts where the points go round."""
+    turns = GOLDEN * np.arange(100)
+    circle = np.exp(2j * np.pi * turns)
+    wobble = 0.02 * np.exp(-0.1 * turns) * np.cos(2.0 * np.pi * 7.3 * turns)
+    points = np.column_stack([circle.real, 2.0 * circle.imag + wobble, size * turns])
+    for order in ([0, 1, 2], [2, 0, 1]):
+        assert classify(points[:, order], 0.0, 0.04).label != "strange nonchaotic"
+
+
 def test_the_work_on_a_label_is_in_proportion_to_the_returns():
     from time import process_time
 

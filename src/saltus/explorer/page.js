@@ -37,7 +37,9 @@
     const ends = model.high == null ? '' : ` from ${model.low} to ${model.high}`
     wish(['refused', name, text, (model.mode == 'int' ? 'a whole number' : 'a number') + ends])
   }
-  const look = (model, text) => text.trim() && Number(text) !== model.value && refuse(model, text)
+  // an emptied field has no value, or NaN, and may write so itself
+  const holds = (model, number) => number === model.value || Number.isNaN(number) && Number.isNaN(model.value ?? NaN)
+  const look = (model, text) => text.trim() && !holds(model, Number(text)) && refuse(model, text)
   document.addEventListener('input', event => { // before the field has taken characters away that it does not know
     const input = event.composedPath()[0], text = input.value, model = modelOfField(input)
     if (model) setTimeout(() => input.value != text && refuse(model, text))

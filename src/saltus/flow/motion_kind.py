@@ -21,7 +21,7 @@ In this order, thresholds being those of `Criteria`:
    smooth, by means that converge fast (`saltus.flow.recurring.smoothness`). Or they lie on closed curves, which have a
    length, and do not drift.
 7. ``strange nonchaotic``: the exponent is 0 within its error, and above 0 by half of it at most. The points go round a
-   circle over which they are nowhere smooth.
+   circle over which they are nowhere smooth, and do not drift.
 8. ``unresolved``: none of these can be told. More returns may tell.
 
 `saltus.flow.recurring.recurrence` counts returns. `saltus.flow.recurring.closed_curves` finds curves and rotation
@@ -174,5 +174,6 @@ def _aperiodic(cloud: NDArray[np.float64], exponent: float, error: float, limits
     on_curve = on_curve and has_length(cloud, curves)
     if on_curve or (course.smooth and cloud.shape[1] > 1):
         return Kind(QUASI_PERIODIC, 0, rotation, curves)
-    strange = BY_CHANCE * exponent <= error and is_rough(cloud)  # weak chaos may be within the error as well
+    # weak chaos may be within the error as well; what drifts, an angle that was not said to be one, is on no set
+    strange = BY_CHANCE * exponent <= error and not course.drifts and is_rough(cloud)
     return Kind(STRANGE if strange else UNRESOLVED, 0, math.nan, 0)

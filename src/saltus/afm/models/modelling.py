@@ -175,6 +175,7 @@ class _Writing:
         outputs = {key: self.outputs(region, touching) for key, region in regions.items()}
         return {
             "states": (*self.z, *self.v, *self.free_phases, *self.law.states),
+            "angles": tuple(self.free_phases),
             "parameters": values,
             "modes": {key: Mode(self.field(region), domain=self.domain(region)) for key, region in regions.items()},
             "transitions": [
