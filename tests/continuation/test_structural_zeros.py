@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from tests.selection import guarding
@@ -72,7 +74,7 @@ def test_random_grazing_loci_have_their_fold_alone(case: list[float], steps: sal
 
 
 @pytest.mark.parametrize("a", [-1.0, -0.3, -2.0])
-def test_cycles_that_shrink_to_a_two_fold_end_there_by_its_name(a: float) -> None:
+def test_cycles_that_shrink_to_a_two_fold_end_there_by_its_name(a: float, tmp_path: Path) -> None:
     # one turn adds 2 mu - 2 a r^2 / 3 to the radius at leading order: cycles have r^2 = 3 mu / a
     system = saltus.filippov(
         ("x", "y"), {"mu": 0.02 * a}, surface="y", above={"x": "1", "y": f"-x + {a!r}*x**2"},
@@ -85,6 +87,8 @@ def test_cycles_that_shrink_to_a_two_fold_end_there_by_its_name(a: float) -> Non
     assert any(told.endswith("the cycle shrinks to a two-fold") for told in branch.stopped)
     assert branch.audit.passed
     assert branch.period.min() >= 0.0
+    for last in (branch.special_points[0].solution, branch.solution(-1)):
+        assert saltus.load(last.save(tmp_path / "last.h5")).period == last.period  # it is rounding, of either sign
     checked = saltus.verify(branch)
     assert "shrunk to a point where no field vanishes" in str(next(row for row in checked if row.what == "orbit").found)
     assert not [row for row in checked.failures if row.what in ("of", "position by arclength") or "stopped" in row.what]

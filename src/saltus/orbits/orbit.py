@@ -25,7 +25,7 @@ from saltus.orbits.observables.sampling import column_of, motion_of, sample_orbi
 from saltus.orbits.observables.sensitivities import sensitivities
 from saltus.orbits.problem import OrbitProblem, follow_from
 from saltus.orbits.rounds import drive_text, repeats_of, rounds_of, winding_of
-from saltus.orbits.signature import Segment, Signature, Survey, events_between, path_of, signature_from
+from saltus.orbits.signature import DURATION, Segment, Signature, Survey, events_between, path_of, signature_from
 from saltus.orbits.stability.floquet import multipliers, multipliers_by_order, nontrivial, unstable_count
 from saltus.orbits.stability.speedless import or_unknown
 from saltus.orbits.unfolding import Fixed, read_fixed
@@ -395,8 +395,8 @@ class PeriodicOrbit(Solution):
         held.names("own_state", system.states)
         held.names("quantity", (*system.all_states, *system.output_names))
         expect_values(held, system, "multiplier", 1.0)
-        durations = held.array("segment_duration", ("segment",))
-        if not float(durations.sum()) > 0.0:
+        durations, faults = held.array("segment_duration", ("segment",)), held.count("faults", most=MOST_FAULTS)
+        if not float(durations.sum()) > 0.0 and not faults & DURATION:  # of a cycle shrunk to a point it is rounding
             raise InputError("segment_duration", durations.tolist(), "durations of a positive sum, the period")
         return cls(
             system,
@@ -406,7 +406,7 @@ class PeriodicOrbit(Solution):
             durations,
             complex_of(*(held.array(f"multiplier_{part}", ("multiplier",), finite=False) for part in ("re", "im"))),
             held.number("residual", finite=False),
-            held.count("faults", most=MOST_FAULTS),
+            faults,
             held.array("x0", ("own_state",), finite=False),
             held.array("minimum", ("quantity",), finite=False),
             held.array("maximum", ("quantity",), finite=False),
