@@ -63,7 +63,7 @@ def accumulated(branch: OrbitZeroProblem, event: Event) -> str | None:
     point, name = event.point, event.name
     if name.kind == "rebound" or (name.kind == "duration" and rebound_ceases(branch.problem, point.u, name.segment)):
         return None
-    return accumulating(branch, point, name)
+    return accumulating(branch.problem, point.u, name)
 
 
 def leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:

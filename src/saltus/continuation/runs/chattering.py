@@ -145,7 +145,7 @@ def ended_at(run: Orbits, half: OneSide, at: tuple[OrbitZeroProblem, Point], tol
     The branch may have turned back next to the accumulation, and come to an earlier special point: it is cut there.
     """
     ended = None
-    if accumulating(*at) is not None:
+    if accumulating(at[0].problem, at[1].u) is not None:
         kept = half.points[:], half.specials[:]
         _cut_back(half)
         if (ended := from_accumulation(run, half, half.points[-1], told)) is None:

@@ -285,7 +285,10 @@ class OrbitRun(OneParameterRun):
 
     def _hits(self, half: OneSide, reason: str) -> str | None:
         """Return in words that hits accumulate where no step succeeds, for a reason; None where they do not."""
-        return accumulating(*half.points[-1]) if half.points and "not admissible" in reason else None
+        if not half.points or "not admissible" not in reason:
+            return None
+        piece, point = half.points[-1]
+        return accumulating(piece.problem, point.u)
 
     def _unbounded(self, half: OneSide) -> tuple[str, bool]:
         """Look for a homoclinic orbit at the end of a branch; return why it ends there, and whether there is one."""

@@ -13,6 +13,7 @@ from saltus.continuation.core.point_types import CHANGES, POINT_TYPES, loci_thro
 from saltus.continuation.core.zero_problem import Event, Point
 from saltus.continuation.problems.changes import type_of_change
 from saltus.continuation.problems.critical_points import CriticalOrbit
+from saltus.continuation.problems.ends.accumulating import accumulating
 from saltus.continuation.problems.ends.closure import alongside, passes
 from saltus.continuation.problems.grazing import neighbour
 from saltus.continuation.problems.orbit_locus import LocusZeroProblem
@@ -162,6 +163,8 @@ class OrbitLocusRun(TwoParameterRun):
             of = self.names[at]
         elif at_grazing(event.name):
             u = self.branch.orbit(event.point.u)
+            if self.kind not in CHANGES and (hits := accumulating(self.branch.problem, u, event.name)) is not None:
+                return hits  # which of them grazes is rounding
             found = neighbour(self.branch.problem, event.name, u)
             kind = type_of_change(self.branch.problem, event.name, u, found)
         elif kind == "unfolded":
