@@ -141,7 +141,7 @@ def test_no_admissible_orbit_of_a_locus_passes_its_wall(seed: int) -> None:
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", [3, 5])
 def test_a_locus_ends_in_words_where_rounding_decides_which_hit_grazes(seed: int) -> None:
-    # in 60 digits the last hit of the loci of seeds 3 and 5 keeps a speed of 4e-16 of the table's, and none grazes
+    # in 60 digits the last hit at the end of the locus of seed 5 keeps a speed of 4e-16 of the table's
     wall, varied = random_wall(seed)
     orbit = an_orbit(wall)
     assert orbit is not None

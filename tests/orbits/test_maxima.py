@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import systems
 from saltus import HybridSystem, Mode, Transition, continue_orbit, solve_orbit
@@ -190,3 +191,52 @@ def test_folds_and_greatest_reach_of_duffings_oscillator(duffing: HybridSystem) 
         [0.86449664 - 0.07234539j, 0.86449664 + 0.07234539j], abs=1e-7
     )
     assert math.dist(top.orbit.x0, near.x0) > 1e-6  # the branch's own points lie beside it
+
+
+@pytest.mark.parametrize("before", [False, True])
+@pytest.mark.parametrize("share", [5e-6, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 2e-3])
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_an_extreme_beside_a_kick_is_found(unit: float, share: float, before: bool) -> None:
+    """An oscillator is kicked each turn; its extreme of x lies a share of the turn behind the kick, or before."""
+    # behind a kick the motion grows, so that it comes back with speed where it left with none
+    c, jump = (0.2 if before else -0.2), -unit
+
+    def at(t: float) -> np.ndarray:
+        rate = math.sqrt(1.0 - c * c / 4.0)
+        sine, cosine = math.sin(rate * t) / rate, math.cos(rate * t)
+        inner = [[cosine + c / 2.0 * sine, sine], [-sine, cosine - c / 2.0 * sine]]
+        return math.exp(-c * t / 2.0) * np.array(inner)
+
+    def start(turn: float) -> np.ndarray:
+        return np.linalg.solve(np.eye(2) - at(turn), [0.0, jump])
+
+    def rate(turn: float) -> float:  # of x, at the place that is to be the greatest
+        place = turn * (1.0 - share) if before else turn * share
+        return float((at(place) @ start(turn))[1]) / unit
+
+    turns = np.linspace(2.0, 9.0, 400)
+    rates = [rate(turn) for turn in turns]
+    found = 0
+    for low, high, one, other in zip(turns, turns[1:], rates, rates[1:], strict=False):
+        if one * other >= 0.0 or abs(one - other) > 1.0:
+            continue
+        turn = float(brentq(rate, low, high, xtol=1e-14))
+        begin, place = start(turn), turn * (1.0 - share) if before else turn * share
+        extreme = float((at(place) @ begin)[0])
+        times = np.linspace(0.0, turn, 2001)
+        values = np.array([(at(t) @ begin)[0] for t in times])
+        sign = 1.0 if extreme > values.mean() else -1.0
+        if float((sign * values).max()) > sign * extreme + 1e-12 * unit:
+            continue
+        system = HybridSystem(
+            ("x", "v"),
+            {"c": c, "J": jump, "w": 2.0 * math.pi / turn},
+            {"free": Mode({"x": "v", "v": "-x - c*v"})},
+            [Transition("free", "free", "sin(s - 1)", 1, {"v": "v + J"}, name="kick")],
+            phase=("s", "w"),
+        )
+        orbit = solve_orbit(system, segments=[("free", "kick", [*begin.tolist(), 1.0], turn)])
+        best = orbit.max["x"] if sign > 0.0 else orbit.min["x"]
+        assert best == pytest.approx(extreme, abs=1e-11 * float(np.ptp(values))), (turn, sign)
+        found += 1
+    assert found

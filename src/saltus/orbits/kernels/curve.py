@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from saltus.flow.kernels.stages import dense_value
+from saltus.flow.kernels.state import EPSILON
 from saltus.orbits.records import Dense, Mesh
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.machine_code import kernel, njit
@@ -198,6 +199,32 @@ def lowest_between(view, curve, what, sign, places, values, x, out):
     if fb < fm:
         return b, fb
     return m, fm
+
+
+@njit(**INNER)
+def lowest_at_end(view, curve, what, sign, ends, values, x, out):
+    """Return the least value of a quantity between an end of a segment and the fine sample next to it.
+
+    ends, values: places of the end and of the sample, and `sign` times the quantity there, least at the end. In clustered
+    time a dip between them is as deep as the fourth power of its distance, so nearer places than the root are rounding.
+    """
+    outlined()
+    end, near = ends
+    value, before = values
+    share = 0.5
+    while share > EPSILON**0.25:
+        beside = end + 2.0 * share * (near - end)
+        place = end + share * (near - end)
+        there = sample(view, curve, what, sign, place, x, out)
+        if there < value:
+            if near > end:
+                places, heights = (end, place, beside), (value, there, before)
+            else:
+                places, heights = (beside, place, end), (before, there, value)
+            return lowest_between(view, curve, what, sign, places, heights, x, out)[1]
+        before = there
+        share *= 0.5
+    return value
 
 
 @njit(**INNER)

@@ -11,7 +11,19 @@ from saltus.flow.kernels.event import AT_WRAP
 from saltus.flow.kernels.segment import EVENT_X, FIELD, Segment, dense, leaps, missed
 from saltus.flow.kernels.stages import dense_value
 from saltus.flow.kernels.state import EPSILON
-from saltus.orbits.kernels.curve import EVENT, FINE, GUARD, OUTPUTS, Curve, Room, View, at_phase, fine, lowest
+from saltus.orbits.kernels.curve import (
+    EVENT,
+    FINE,
+    GUARD,
+    OUTPUTS,
+    Curve,
+    Room,
+    View,
+    at_phase,
+    fine,
+    lowest,
+    lowest_at_end,
+)
 from saltus.orbits.kernels.equation import RESET, TURN, piece_at, pointed, take_parameters, total_duration
 from saltus.orbits.kernels.margin import margin
 from saltus.orbits.kernels.moment import add_moments
@@ -408,12 +420,20 @@ def _extremes(view, curve, room, found):
         if q < view.n and view.absent[curve.mode * view.n + q] != 0:
             continue
         value = pointer(room.values, q * (total + 1))
-        for j in range(1, total):
-            fa, fm, fb = sign * value[j - 1], sign * value[j], sign * value[j + 1]
+        for j in range(total + 1):
+            # an end that is least beside the sample next to it may have a lower place between them
+            inner = 1 if j == 0 else total - 1
+            at_end = j == 0 or j == total
+            fa, fm = sign * value[inner if at_end else j - 1], sign * value[j]
+            fb = fa if at_end else sign * value[j + 1]
             least = lows[q] if sign > 0.0 else -highs[q]
             # the sampled peak that wins may belong to another true one
             if fm <= fa and fm < fb and fm <= least + EXTREME_SURVEYED * (highs[q] - lows[q]):
-                _, least = lowest(view, curve, q, sign, j, fa, fm, fb, room.x, room.out)
+                if at_end:
+                    ends = fine(curve, j), fine(curve, inner)
+                    least = lowest_at_end(view, curve, q, sign, ends, (fm, fa), room.x, room.out)
+                else:
+                    _, least = lowest(view, curve, q, sign, j, fa, fm, fb, room.x, room.out)
                 if sign > 0.0:
                     lows[q] = min(lows[q], least)
                 else:
