@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from saltus import Average, HybridSystem, Map, lyapunov_spectrum
+from saltus import Average, HybridSystem, Map, Piece, lyapunov_spectrum
 from saltus.sweeps.unconverged import unconverged
 from selection import guarding
 
@@ -43,6 +43,47 @@ def test_rates_that_have_converged_keep_their_batches_error():
     spectrum = lyapunov_spectrum(Map(("x",), {}, {"x": "4*x*(1 - x)"}), x0=[0.3], average=Average(periods=20000))
     assert abs(spectrum.exponents[0] - math.log(2.0)) < spectrum.errors[0]
     assert unconverged(spectrum.times, spectrum.logs)[0] < spectrum.errors[0] < 2e-3
+
+
+def test_an_intermittent_map_without_a_mean_stay_has_an_exponent_of_0():
+    """Pomeau and Manneville's x + x^2 mod 1: its invariant measure is infinite."""
+    end = 0.5 * (math.sqrt(5.0) - 1.0)
+    pieces = {
+        "slow": Piece({"x": "x + x**2"}, where=f"{end!r} - x"),
+        "back": Piece({"x": "x + x**2 - 1"}, where=f"x - {end!r}"),
+    }
+    intermittent = Map(("x",), {}, pieces=pieces)
+    for start in np.random.default_rng(3).uniform(0.05, 0.95, 5):
+        spectrum = lyapunov_spectrum(intermittent, x0=[start], average=Average(periods=20000))
+        assert spectrum.exponents[0] <= spectrum.errors[0]
+
+
+def _growths(power: float, count: int, motions: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return times, and growth along motions of x + x^power mod 1 in 500 rows, shape (row, motion)."""
+    x = np.random.default_rng(11).random(motions)
+    for _ in range(count // 2):
+        x = (x + x**power) % 1.0
+    logs = np.zeros((500, motions))
+    for row in logs:
+        for _ in range(count // 500):
+            row += np.log1p(power * x ** (power - 1.0))
+            x = (x + x**power) % 1.0
+    return np.arange(1.0, 501.0) * (count // 500), logs
+
+
+@pytest.mark.parametrize(("power", "count"), [(2.0, 10000), (2.0, 50000), (2.5, 10000), (3.0, 10000)])
+def test_intervals_of_intermittent_motions_hold_0_in_95_of_100(power, count):
+    times, logs = _growths(power, count, 200)
+    held = [unconverged(times, log[:, None], count // 2)[0] >= log.sum() / times[-1] for log in logs.T]
+    assert np.mean(held) >= 0.95
+
+
+@pytest.mark.parametrize("power", [1.2, 1.5])
+def test_intermittent_motions_with_a_mean_stay_keep_their_exponents(power):
+    """At 1.5 the index is 2, which few stays tell from 1 by chance: 11 of 200 intervals hold 0."""
+    times, logs = _growths(power, 10000, 200)
+    held = [unconverged(times, log[:, None], 5000)[0] >= log.sum() / times[-1] for log in logs.T]
+    assert np.mean(held) <= 0.1
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -291,7 +291,8 @@ def lyapunov_spectrum(
     The error of a logarithm of growth does not grow with time. Estimates for a periodic motion therefore approach
     ``log|mu| / T`` like 1/time. For a chaotic motion the spread of batch means falls like 1/sqrt(time). Where a motion
     settles like a power of time, rates drift, and the interval holds the limit of the drift
-    (`saltus.sweeps.unconverged`). Rates of intermittent motions whose mean stay has no limit fall more slowly still.
+    (`saltus.sweeps.unconverged`). Where the mean stay of an intermittent motion cannot be told to have a limit, the
+    interval holds 0.
 
     References
     ----------

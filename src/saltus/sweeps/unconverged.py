@@ -4,6 +4,12 @@ The logarithm of a growth is ``S(t) = a t + b(t)`` with the exponent a. Where b 
 the range of b over t. Where a motion settles like a power of time, b grows like a logarithm, and the rate like
 ``a + c/(t + s)``. Three means of a rate give the limit a of such a drift. A direction that grows like a power of time
 has the exponent 0: the error is no less than the exponent where the logarithm of time fits no worse than time itself.
+
+Where a motion is intermittent, the times in which a length grows by a factor have a tail like ``t**-h``. Their mean has
+no limit for h up to 1: growth is slower than any exponential, and the exponent is 0. Hill's estimate of h has the
+relative error ``1/sqrt(k)`` from the k longest times. Where h cannot be told from 1, the interval holds 0.
+
+B. M. Hill, A simple general approach to inference about the tail of a distribution, Ann. Statist. 3 (1975) 1163-1174.
 """
 
 from __future__ import annotations
@@ -13,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.scales import BY_CHANCE
+from saltus.scales import BY_CHANCE, EPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,7 +49,9 @@ def unconverged(
     """
     grid = np.append(0.0, times)
     finite = np.isfinite(logs).all(axis=0)
-    found, rates = np.where(finite, rounding, 0.0), np.abs(logs.sum(axis=0) / times[-1])
+    found = np.where(finite, rounding, 0.0)
+    # a sum that is added in another order may be greater by its rounding
+    rates = np.abs(logs.sum(axis=0) / times[-1]) * (1.0 + EPS * times.size)
     powers = np.log1p(grid / (discarded or times[0]))
     for k in np.flatnonzero(finite):
         sums = np.append(0.0, np.cumsum(logs[:, k]))
@@ -52,6 +60,8 @@ def unconverged(
         found[k] = max(found[k], bounded / grid[-1])
         if float(np.ptp(sums - powers * (sums[-1] / powers[-1]))) <= bounded:  # a power of time fits no worse
             found[k] = max(found[k], rates[k])
+        if sums[-1] > 0.0 and not _grows_steadily(grid, sums):
+            found[k] = max(found[k], rates[k])
         if times.size >= _BATCHES and _drifts(grid, sums, rounding):
             found[k] = max(found[k], _way(grid, sums, rate))
     # directions that have not changed by a factor e have not turned to their own either: they share what is the sum's
@@ -59,6 +69,28 @@ def unconverged(
     if mixed.sum() > 1:
         found[mixed] = np.maximum(found[mixed], rates[mixed].max())
     return found
+
+
+def _grows_steadily(grid: NDArray[np.float64], sums: NDArray[np.float64]) -> bool:
+    """Return whether the times in which a length grows by a factor have a mean: the index of their tail is above 1."""
+    passed = _passages(grid, sums)
+    longest = np.sort(passed)[::-1]
+    count = math.isqrt(longest.size)
+    if count < 2:
+        return False
+    spread = float(np.log(longest[:count] / longest[count]).mean())
+    return 1.0 - BY_CHANCE / math.sqrt(count) > spread  # index h = 1/spread
+
+
+def _passages(grid: NDArray[np.float64], sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the times between records of a logarithm that are 1 apart, or what it grows in a row."""
+    highest = np.maximum.accumulate(sums)
+    levels = max(1.0, highest[-1] / (grid.size - 1)) * np.arange(highest[-1] + 1.0)
+    levels = levels[levels <= highest[-1]]
+    after = np.clip(np.searchsorted(highest, levels), 1, grid.size - 1)
+    low, high = highest[after - 1], highest[after]
+    part = (levels - low) / np.where(high > low, high - low, 1.0)
+    return np.diff(grid[after - 1] + part * (grid[after] - grid[after - 1]))
 
 
 def _rates(grid: NDArray[np.float64], sums: NDArray[np.float64], first: float, count: int) -> NDArray[np.float64]:
