@@ -194,3 +194,13 @@ def test_random_masses_that_rest_do_so_up_to_where_their_hits_accumulate(seed: i
     orbit = saltus.find_orbit(mass.system(True), {"F": 1.05 * mass.p}, x0=[mass.p / mass.w**2, 0.0])
     (found,) = points(saltus.continue_orbit(orbit, "F", (1.02 * mass.p, 6.0 * mass.p), steps=steps, stop_at="CH"))
     assert mass.accumulates_at(0.9999 * found, 1.0001 * found) == pytest.approx(found, rel=CLOSE)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("e", [0.55, 0.65, 0.7, 0.75])
+def test_a_mass_that_rests_does_so_up_to_its_accumulation_at_high_restitution(e: float) -> None:
+    mass, steps = Mass(e, 1.0, 1.0), saltus.StepControl(max_points=400)
+    orbit = saltus.find_orbit(mass.system(True), {"F": 1.05}, x0=[1.0, 0.0])
+    (found,) = points(saltus.continue_orbit(orbit, "F", (1.02, 6.0), steps=steps, stop_at="CH"))
+    assert mass.rests(found * (1.0 - CLOSE))
+    assert not mass.rests(found * (1.0 + CLOSE))
