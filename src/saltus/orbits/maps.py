@@ -11,6 +11,7 @@ from saltus.errors import ConvergenceError
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import kept_at_zero
 from saltus.orbits.signature import CLOSED_END, CUT_END, EVENT_END, MEAN_END, Signature
+from saltus.system.faces import EXPONENTIAL, FACE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,6 +22,7 @@ __all__ = [
     "flight_growth",
     "landing_maps",
     "most_grown",
+    "own_units",
     "piece_maps",
     "reflector",
     "resting",
@@ -43,6 +45,28 @@ def piece_maps(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.floa
         maps = maps + np.eye(n)  # the start of the next period is that of this one
     with np.errstate(over="ignore"):
         return np.asarray(maps * scale / scale[:, None])
+
+
+def own_units(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return units of the states at each piece's start and end, shape (pieces, n); None where sizes of states serve.
+
+    A state whose rate has it as a factor is its own unit: changes of it count relative to what it is there. It may fall
+    to 1e-30 of its size and grow again. Other states have their sizes as units.
+
+    The end of a piece has its own unit. The next start differs from it by the residual. Where such a state is small
+    that is many times itself, or its sign. A unit has the sign of its state.
+    """
+    compiled, n = problem.system.compiled, problem.n
+    if compiled.plain or problem.conserving or problem.signature.flies:
+        return None
+    blocks = u[: problem.size].reshape(problem.segments, n + 1)
+    starts = blocks[:, :n]
+    ends = problem.evaluate(u)[0].reshape(problem.segments, n + 1)[:, :n] + np.roll(starts, -1, axis=0)
+    own = np.isin(compiled.kinds, (FACE, EXPONENTIAL)) & np.all(starts * ends != 0.0, axis=0)
+    if not own.any():
+        return None
+    sizes = problem.common_scale
+    return np.where(own, starts, sizes), np.where(own, ends, sizes)
 
 
 def check_measured(maps: NDArray[np.float64]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus import scales
 from saltus.orbits.coincidences import at_one_instant, chains, commute, orders, shortest_is_brief
-from saltus.orbits.maps import across_flow, landing_maps, piece_maps, reflector
+from saltus.orbits.maps import across_flow, landing_maps, own_units, piece_maps, reflector
 from saltus.orbits.signature import CLOSED_END, PHASE_END
 from saltus.system.integrals.laws import Leaf
 
@@ -227,10 +227,13 @@ def _of_pieces(
         values = _of_product(across_flow(problem, u, maps))
         return np.append(values, 1.0) if problem.system.phase is None else values
     maps, scale = piece_maps(problem, J), problem.common_scale
-    left = np.arange(problem.n)
+    left, units = np.arange(problem.n), own_units(problem, u)
+    if units is not None:
+        starts, ends = units
+        maps, scale = maps * (starts / scale)[:, None, :] * (scale / ends)[:, :, None], starts
     if problem.conserving:
-        laws, units = problem.system.laws, scale[: len(problem.system.states)]
-        leaf = Leaf(laws.matrix(problem.parameters_at(u)) * units, np.ones(units.size))
+        laws, sizes = problem.system.laws, scale[: len(problem.system.states)]
+        leaf = Leaf(laws.matrix(problem.parameters_at(u)) * sizes, np.ones(sizes.size))
         maps, left = leaf.within(maps), leaf.widened(problem.n)
     if not np.isfinite(maps).all():  # on a mesh too coarse for the sensitivities
         return np.full(maps.shape[1] - (problem.system.phase is not None), np.nan + 0j)
@@ -238,7 +241,7 @@ def _of_pieces(
         return _of_product(maps[:, :-1, :-1])
     if flows is None:
         flows = problem.flows_at_starts(u)
-    turns = [reflector((flow / scale)[left]) for flow in flows]
+    turns = [reflector(flow[left]) for flow in flows / scale]
     turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
     values = _of_product(np.array(turned)[:, 1:, 1:])
     if values[-1].imag == 0.0 and abs(values[-1]) < 1.0:
