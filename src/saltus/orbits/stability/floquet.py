@@ -254,8 +254,8 @@ def _of_pieces(
                 math.exp(float(logs.sum()) - math.log(abs(others))), float(signs.prod()) * others
             )
     if problem.relaxes:  # as many multipliers are error as directions that a piece contracts below its own error
-        sizes = np.linalg.svd(maps, compute_uv=False)
-        lost = int(np.sum(sizes < scales.MULTIPLIER_LOST * problem.tol * sizes[:, :1], axis=1).max())
+        stretches = np.linalg.svd(maps, compute_uv=False)
+        lost = int(np.sum(stretches < scales.MULTIPLIER_LOST * problem.tol * stretches[:, :1], axis=1).max())
         values[values.size - lost :] = 0.0
     return np.append(values, 1.0)
 
