@@ -16,7 +16,7 @@ from saltus.continuation.problems.ends.accumulating import accumulating
 from saltus.continuation.problems.ends.boundary_homoclinic import meeting_ahead, shrunk_onto
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
-from saltus.continuation.problems.ends.shrinking import equilibrium_ahead, shrunk_to
+from saltus.continuation.problems.ends.shrinking import equilibrium_ahead, on_boundary_ahead, shrunk_to
 from saltus.continuation.problems.ends.slowing import grazing_ahead
 from saltus.continuation.problems.ends.unbounded import (
     grows_at_last,
@@ -218,6 +218,10 @@ class OrbitRun(OneParameterRun):
         if (birth := self.halved(piece, last)) is not None:  # next to a rest signs of folds are rounding
             half.specials.append(self.found("BP", piece, Event(Monitor("BP"), birth, 0.0), half))
             return self.ends(half, piece, birth, "the period halves")
+        if half.points and (landed := on_boundary_ahead(half.points)) is not None:
+            found = self.found("BE", half.points[-1][0], Event(Monitor("BE"), landed.point, 0.0), half)
+            half.specials.append(replace(found, of=landed.end.event, kind=landed.kind, homoclinic=landed.end))
+            return self.ends(half, half.points[-1][0], landed.point, landed.told)
         slowed = grazing_ahead(half.points)
         if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
             return end

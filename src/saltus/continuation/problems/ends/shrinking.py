@@ -12,6 +12,7 @@ import numpy as np
 
 from saltus.continuation.core.zero_problem import Examined, Point
 from saltus.continuation.problems.boundary import TWO_FOLD
+from saltus.continuation.problems.ends.boundary_homoclinic import shrunk_onto
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
 from saltus.orbits.problem import OrbitProblem
@@ -22,7 +23,9 @@ from saltus.scales import HOPF_AGREES, HOPF_AGREES_AFAR, MULTIPLIER_CRITICAL, ON
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Shrunk", "at_rest", "centre_ahead", "equilibrium_ahead", "shrunk_to"]
+    from saltus.continuation.problems.ends.connection import Homoclinic
+
+__all__ = ["Landed", "Shrunk", "at_rest", "centre_ahead", "equilibrium_ahead", "on_boundary_ahead", "shrunk_to"]
 
 _WITHIN = 5.0  # steps, of the last one's length, to the extrapolated zero of the amplitude, within which it is sought
 _AFAR = 100.0  # the same for a small cycle round 0: its size is the unit of its steps, and these shrink with it
@@ -108,6 +111,50 @@ def shrunk_to(problem: OrbitProblem, points: list[tuple[OrbitZeroProblem, Point]
     if _period(problem, point) <= math.sqrt(SHRUNK) * longest:
         return Shrunk(TWO_FOLD, "the cycle shrinks to a two-fold")
     return Shrunk("", "the cycle shrinks to a boundary equilibrium")
+
+
+class Landed(NamedTuple):
+    """The boundary equilibrium ahead to which cycles shrink, as the last point of their branch."""
+
+    kind: str  # of a BE
+    end: Homoclinic  # the equilibrium with its event
+    point: Point
+    told: str
+
+
+def on_boundary_ahead(points: list[tuple[OrbitZeroProblem, Point]]) -> Landed | None:
+    """Return the boundary equilibrium ahead to which the last cycles of a branch shrink, or None.
+
+    It is asked for where no step succeeds.
+
+    Size and parameter of such a cycle are linear in the distance from it, until the size is that of rounding. The last
+    cycle and one of twice its size tell where that is. The equilibrium's state and parameter have to agree.
+    """
+    piece, last = points[-1]
+    problem, n = piece.problem, piece.problem.n
+    if problem.system.phase is not None or len(problem.signature) < 2:
+        return None
+    near, largest = _amplitude(problem, last), max(_amplitude(problem, point) for _, point in points)
+    far = next((point for _, point in reversed(points) if _amplitude(problem, point) >= 2.0 * near > 0.0), None)
+    if far is None or near > math.sqrt(SHRUNK) * largest:
+        return None
+    kind, rest = shrunk_onto(problem, last.u)
+    if rest is None:
+        return None
+    ahead = near / (_amplitude(problem, far) - near)
+    value = rest.saddle.parameters[problem.system.parameter_names[problem.active[0]]] / problem.scales[0]
+    seen = last.parameter + (last.parameter - far.parameter) * ahead
+    here, there = (
+        0.5 * (one.examined.data.survey.lows[:n] + one.examined.data.survey.highs[:n]) for one in (last, far)
+    )
+    missed = np.max(np.abs(here + (here - there) * ahead - rest.saddle.state) / problem.state_scale)
+    if abs(value - seen) > HOPF_AGREES * abs(seen - last.parameter) or missed > HOPF_AGREES * near:
+        return None
+    u = last.u.copy()
+    u[: problem.size].reshape(problem.segments, n + 1)[:, :n] = rest.saddle.state
+    u[problem.size] = value
+    end = at_rest(piece, problem, last, u, last.examined.data.multipliers)[1]
+    return Landed(kind, rest, end, "the cycle shrinks to a boundary equilibrium")
 
 
 class _Extrapolated(NamedTuple):
