@@ -107,6 +107,20 @@ def test_cycle_from_a_boundary_focus_to_a_pseudo_saddle(tmp_path):
     ]
 
 
+@pytest.mark.campaign
+@pytest.mark.parametrize(
+    "steps", [{"smallest": 1e-5}, {"initial": 1e-4}, {"initial": 1e-6}, {"initial": 0.05}], ids=str
+)
+def test_a_cycle_shrinks_to_its_boundary_focus_whatever_stops_its_steps(steps):
+    rest = saltus.find_equilibrium(PREY, {"P": 1.2}, x0=[0.047, 1.01], mode="below")
+    born = saltus.continue_equilibrium(rest, "P", (0.9, 1.3)).special_points[-1]
+    start, control = saltus.switch_branch(born), saltus.StepControl(**steps)
+    branch = saltus.continue_orbit(start, "P", (1.0, 1.02), steps=control)
+    assert branch["BE1"].parameters["P"] == pytest.approx(born.parameters["P"], abs=1e-9)
+    assert "shrinks to a boundary equilibrium" in branch.stopped[0]
+    assert branch.audit.passed
+
+
 def test_upper_cycle_ends_at_the_pseudo_saddle_too():
     start = saltus.find_orbit(PREY, {"P": 1.3}, x0=[0.1, 0.9])
     branch = saltus.continue_orbit(start, "P", (1.0, 1.35), directions="down")
