@@ -132,7 +132,7 @@ def test_sliding_at_two_folds_that_meet_has_no_branch_point(k, unit):
     start = find_equilibrium(
         system, {"eps": (T / (2.0 - T) - k * T) * unit}, x0=[T * unit, T / (2.0 - T) * unit], mode="sliding"
     )
-    branch = continue_equilibrium(start, "eps", (-0.3 * unit, 0.3 * unit))
+    branch = continue_equilibrium(start, "eps", (-0.3 * unit, 0.31 * unit))
     # at 0 two boundaries are met at once
     borders = sorted([1.0 / 3.0 - k / 2.0, 0.0, 1.0 - k])
     fold = 2.0 - (2.0 / k) ** 0.5

@@ -207,10 +207,13 @@ def lowest_at_end(view, curve, what, sign, ends, values, x, out):
 
     ends, values: places of the end and of the sample, and `sign` times the quantity there, least at the end. In clustered
     time a dip between them is as deep as the fourth power of its distance, so nearer places than the root are rounding.
+    Where the quantity rises from the end on, there is no dip.
     """
     outlined()
     end, near = ends
     value, before = values
+    if sample(view, curve, what, sign, end + EPSILON**0.25 * (near - end), x, out) > value:
+        return value
     share = 0.5
     while share > EPSILON**0.25:
         beside = end + 2.0 * share * (near - end)
