@@ -13,7 +13,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.regular_ends import settle_signature
 from saltus.orbits.signature import CLOSED_END, PHASE_END
 from saltus.orbits.soundness import sound_orbit
-from saltus.scales import SETTLED
+from saltus.scales import EPS, SETTLED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -75,7 +75,8 @@ def solved_in_pieces(problem: OrbitProblem, u: NDArray[np.float64]) -> PeriodicO
         u = u + step
         if not np.all(np.isfinite(u)):
             break
-        if np.max(np.abs(step) / _scale(problem, u)) < SETTLED and problem.refine():
+        exact = bool(np.all(np.abs(F) <= EPS * (np.abs(J) @ np.abs(u))))  # the last bits of unknowns leave as much
+        if (exact or np.max(np.abs(step) / _scale(problem, u)) < SETTLED) and problem.refine():
             fresh = _renewed(problem, u)
             if fresh is None:
                 return sound_orbit(problem, u, problem.evaluate(u)[1])
