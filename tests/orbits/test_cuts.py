@@ -113,9 +113,11 @@ def test_all_turns_next_to_a_shilnikov_orbit_are_saddle_nodes_or_told(circuit) -
 
 @pytest.mark.campaign
 def test_multipliers_keep_their_digits_as_the_period_grows_to_that_of_the_homoclinic_orbit(circuit) -> None:
-    # the last doublings lie within rounding of the parameter from folds; how many are located is one of the last bits
+    # the last doublings lie within rounding of the parameter from folds: where one is not located, the audit tells it
     doubling = max(circuit.special_points.of_type("PD"), key=lambda point: point.orbit.period)
-    assert doubling.orbit.period > 45.0
+    located = doubling.orbit.period > 58.9
+    assert located or any(breach.check == "ledger" for breach in circuit.audit.breaches)
+    assert doubling.orbit.period == pytest.approx(58.976 if located else 48.959, abs=1e-2)
     assert abs(doubling.orbit.multipliers[0] + 1.0) < 1e-3
     assert math.log(abs(np.prod(doubling.orbit.multipliers))) == pytest.approx(by_scipy(doubling.orbit)[1], rel=2e-5)
     assert np.all(circuit.residual < 1e-10)

@@ -219,9 +219,10 @@ class OrbitRun(OneParameterRun):
             half.specials.append(self.found("BP", piece, Event(Monitor("BP"), birth, 0.0), half))
             return self.ends(half, piece, birth, "the period halves")
         if half.points and (landed := on_boundary_ahead(half.points)) is not None:
-            found = self.found("BE", half.points[-1][0], Event(Monitor("BE"), landed.point, 0.0), half)
+            end_piece = half.points[-1][0]
+            found = self.found("BE", end_piece, Event(Monitor("BE"), landed.point, 0.0), half)
             half.specials.append(replace(found, of=landed.end.event, kind=landed.kind, homoclinic=landed.end))
-            return self.ends(half, half.points[-1][0], landed.point, landed.told)
+            return self.ends(half, end_piece, landed.point, landed.told)
         slowed = grazing_ahead(half.points)
         if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
             return end

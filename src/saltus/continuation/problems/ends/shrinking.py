@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Landed", "Shrunk", "at_rest", "centre_ahead", "equilibrium_ahead", "on_boundary_ahead", "shrunk_to"]
 
+_ON_BOUNDARY = "the cycle shrinks to a boundary equilibrium"
 _WITHIN = 5.0  # steps, of the last one's length, to the extrapolated zero of the amplitude, within which it is sought
 _AFAR = 100.0  # the same for a small cycle round 0: its size is the unit of its steps, and these shrink with it
 
@@ -110,7 +111,7 @@ def shrunk_to(problem: OrbitProblem, points: list[tuple[OrbitZeroProblem, Point]
     longest = max(_period(piece.problem, item) for piece, item in points)
     if _period(problem, point) <= math.sqrt(SHRUNK) * longest:
         return Shrunk(TWO_FOLD, "the cycle shrinks to a two-fold")
-    return Shrunk("", "the cycle shrinks to a boundary equilibrium")
+    return Shrunk("", _ON_BOUNDARY)
 
 
 class Landed(NamedTuple):
@@ -144,9 +145,7 @@ def on_boundary_ahead(points: list[tuple[OrbitZeroProblem, Point]]) -> Landed | 
     ahead = near / (_amplitude(problem, far) - near)
     value = rest.saddle.parameters[problem.system.parameter_names[problem.active[0]]] / problem.scales[0]
     seen = last.parameter + (last.parameter - far.parameter) * ahead
-    here, there = (
-        0.5 * (one.examined.data.survey.lows[:n] + one.examined.data.survey.highs[:n]) for one in (last, far)
-    )
+    here, there = _centre(problem, last), _centre(problem, far)
     missed = np.max(np.abs(here + (here - there) * ahead - rest.saddle.state) / problem.state_scale)
     if abs(value - seen) > HOPF_AGREES * abs(seen - last.parameter) or missed > HOPF_AGREES * near:
         return None
@@ -154,7 +153,7 @@ def on_boundary_ahead(points: list[tuple[OrbitZeroProblem, Point]]) -> Landed | 
     u[: problem.size].reshape(problem.segments, n + 1)[:, :n] = rest.saddle.state
     u[problem.size] = value
     end = at_rest(piece, problem, last, u, last.examined.data.multipliers)[1]
-    return Landed(kind, rest, end, "the cycle shrinks to a boundary equilibrium")
+    return Landed(kind, rest, end, _ON_BOUNDARY)
 
 
 class _Extrapolated(NamedTuple):
@@ -189,9 +188,7 @@ def _extrapolated(problem: OrbitProblem, before: Point, point: Point) -> _Extrap
     share = HOPF_AGREES if near < _WITHIN * (far - near) else HOPF_AGREES_AFAR
     ahead = near * near / (far * far - near * near)
     last, other = _period(problem, point), _period(problem, before)
-    survey, n = point.examined.data.survey, problem.n
-    centre = 0.5 * (survey.lows[:n] + survey.highs[:n])
-    return _Extrapolated(ahead, last + (last - other) * ahead, last, centre, near, share)
+    return _Extrapolated(ahead, last + (last - other) * ahead, last, _centre(problem, point), near, share)
 
 
 def centre_ahead(
@@ -253,6 +250,12 @@ def _amplitude(problem: OrbitProblem, point: Point) -> float:
     """Return half the range of the state that varies most, over the states' sizes."""
     survey, n = point.examined.data.survey, problem.n
     return 0.5 * float(np.max((survey.highs[:n] - survey.lows[:n]) / problem.state_scale))
+
+
+def _centre(problem: OrbitProblem, point: Point) -> NDArray[np.float64]:
+    """Return the middle of the range of each state, shape (states,)."""
+    survey, n = point.examined.data.survey, problem.n
+    return np.asarray(0.5 * (survey.lows[:n] + survey.highs[:n]))
 
 
 def _period(problem: OrbitProblem, point: Point) -> float:
