@@ -428,6 +428,17 @@ def test_rest_on_a_bound_is_the_optimum(duffing):
     assert found["A"] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize(("c", "w", "A"), np.random.default_rng(0).uniform((0.05, 0.4, 0.1), (0.5, 2.0, 0.9), (12, 3)))
+def test_multiplier_at_a_rest_on_a_bound_is_that_of_its_side(duffing, c, w, A):
+    """max(x) is |A| over the known stiffness: it has a corner at the bound A = 0, where derivatives are rounding."""
+    start = saltus.find_orbit(duffing, {"b": 0.0, "w": w, "c": c, "A": A}, [0.0, 0.0])
+    found = saltus.optimise(start, minimise="max(x)", vary={"A": (0.0, 1.0)})
+    assert found.stopped == "the optimum is found"
+    assert found["A"] == pytest.approx(0.0, abs=1e-6)
+    right = found.multipliers[0] == pytest.approx(1.0 / np.hypot(1.0 - w * w, c * w), rel=1e-6)
+    assert right or "disagree" in " ".join(found.notes)
+
+
 def test_the_end_of_a_smooth_piece_away_from_bounds_is_none():
     start = saltus.find_orbit(struck(), {}, [0.0, 0.0])
     found = saltus.optimise(start, maximise="max(x)", vary={"A": (0.1, 0.7)})

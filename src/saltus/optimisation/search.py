@@ -318,7 +318,8 @@ def _optimum(task: Task, ended: Ended, box: Box, goal: str) -> Optimum:
         worst = _worst(task, found, best)
         raise InputError("subject_to", worst, "constraints that an orbit can meet", f"{worded(names, values)}{why}")
     residual, multipliers = optimality(best, box, ended.height)
-    whole = ended.why == "found" and ended.height == ACTIVE  # else differences would leave the orbits
+    # else differences would leave the orbits, or go over a corner
+    whole = ended.why == "found" and ended.height == ACTIVE and not ended.corner
     checked = verified(task, best, box) if whole else Verified(math.nan, math.nan, ())
     rows = task.rates(multipliers, found)
     path = [local.data for local in ended.path]
@@ -342,12 +343,15 @@ def _optimum(task: Task, ended: Ended, box: Box, goal: str) -> Optimum:
         path_objective=np.array([one.values[0] for one in path]),
         orbits=ended.looked + 1,
         stopped=_stopped(ended, names, values),
-        notes=(*_nearest(ended, names, values), *checked.notes),
+        notes=(*_nearest(ended, task.expressions.names[0], names, values), *checked.notes),
     )
 
 
-def _nearest(ended: Ended, names: tuple[str, ...], values: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return in words that an optimum on a bound is come near to only, where orbits end."""
+def _nearest(ended: Ended, objective: str, names: tuple[str, ...], values: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return in words that an optimum on a bound is come near to only, where orbits end, or lies at a corner."""
+    if ended.why == "found" and ended.corner:
+        told = f"the optimum lies on a bound, at {worded(names, values)}, and {objective} has a corner there"
+        return (f"{told}: its derivatives are those next to the bound",)
     if ended.why != "found" or ended.height == ACTIVE:
         return ()
     return (f"the optimum lies on a bound, next to {worded(names, values)}, where orbits end: {ended.refused}",)

@@ -87,6 +87,7 @@ class Ended:
     why: str = "most"  # ``found``, ``refused``, ``stuck``, ``infeasible``, ``most`` or ``interrupted``
     refused: str = ""  # why the last place that was refused is none
     height: float = ACTIVE  # of a constraint, up to which it is active at the end
+    corner: bool = False  # whether the objective has no derivatives at the end; those next to it stand there
 
 
 def violation(local: Local) -> float:
@@ -146,7 +147,7 @@ class _Search:
         """Take or reject one step; return whether the search goes on."""
         here, ended = self.ended.best, self.ended
         if violation(here) <= _MET and optimality(here, self.box)[0] <= _FOUND:
-            return self._end("found")
+            return self._end(self._settled(here))
         step = self._step(here, here.values)
         if step is None:
             return self._end("infeasible")
@@ -183,7 +184,25 @@ class _Search:
         """Return how a search ended whose steps lead no further."""
         if violation(here) > 1e2 * _MET:
             return "infeasible"
-        return "found" if optimality(here, self.box)[0] <= _ROUGH else "stuck"
+        known = self._beside_corner(here)
+        return "found" if optimality(known, self.box)[0] <= _ROUGH else "stuck"
+
+    def _beside_corner(self, here: Local) -> Local:
+        """Return a place on bounds with the derivatives next to it, where it has none itself; the search ends there.
+
+        The greatest x of an orbit that shrinks to a rest has a corner there: which of all equal x is the greatest is
+        rounding, and so are the derivatives.
+        """
+        low, high = self.box.around(here.place, _ROUGH)
+        inward = np.where(high > -low, high, 0.0) + np.where(high < -low, low, 0.0)
+        there = self._look(here.place + inward, here) if np.any(inward) else ""
+        if isinstance(there, str) or not there.objective > here.objective:
+            return here
+        if np.abs(there.gradient - here.gradient).max() <= np.sqrt(_ROUGH) * np.abs(there.gradient).max():
+            return here
+        known = replace(here, gradient=there.gradient, jacobian=there.jacobian)
+        self.ended.best, self.ended.corner = known, True
+        return known
 
     def _refused(self, here: Local) -> str:
         """Return how a search ended next to places that are none: with an optimum, where bounds hold this place.
