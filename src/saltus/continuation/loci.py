@@ -7,12 +7,13 @@ from typing import Any, overload
 
 from saltus import checks
 from saltus.continuation.core.arclength import StepControl
-from saltus.continuation.core.point_types import POINT_TYPES, accumulates
+from saltus.continuation.core.point_types import ACCUMULATION, POINT_TYPES, accumulates
 from saltus.continuation.results.auditing import audited
 from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.results.locus import Locus
 from saltus.continuation.results.map_locus import MapLocus
 from saltus.continuation.results.special_points import SpecialPoint
+from saltus.continuation.runs.accumulation_locus import AccumulationLocusRun
 from saltus.continuation.runs.equilibrium_locus import EquilibriumLocusRun
 from saltus.continuation.runs.map_locus import MapLocusRun
 from saltus.continuation.runs.options import read_plane, read_steps, read_stops
@@ -84,10 +85,10 @@ def continue_locus(
     such points with ``events={"min_z": 0.1}``.
 
     Every point is a corrected critical orbit. A multiplier is 1 (SN), -1 (PD) or on the unit circle (TR), a contact is
-    tangential (GR), or branches meet (BP). An equilibrium has an eigenvalue 0 (SN), an imaginary pair (HB), or lies on
-    a boundary of its mode (BE). An orbit of a map has a point on a border (BC) in place of a contact. Points of
-    codimension two are located. docs/theory/loci.md, docs/theory/equilibria.md and docs/theory/map_orbits.md derive the
-    equations.
+    tangential (GR), or branches meet (BP). Hits accumulate just where their surface lets the motion go (CH). An
+    equilibrium has an eigenvalue 0 (SN), an imaginary pair (HB), or lies on a boundary of its mode (BE). An orbit of a
+    map has a point on a border (BC) in place of a contact. Points of codimension two are located. docs/theory/loci.md,
+    docs/theory/chatter.md, docs/theory/equilibria.md and docs/theory/map_orbits.md derive the equations.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def continue_locus(
         The two parameters that vary.
     bounds : mapping of str to (float, float)
         Interval of each of the two parameters; the start must lie in both.
-    type : {"SN", "PD", "TR", "BP", "GR", "HB", "BE", "BC"}, optional
+    type : {"SN", "PD", "TR", "BP", "GR", "CH", "HB", "BE", "BC"}, optional
         Type of the locus. By default that of the start; at a point of codimension two the simplest through it.
     steps : StepControl, optional
         Sizes of steps and their limits. A locus ends at a grazing: `StepControl.at_grazing` must have its default.
@@ -150,7 +151,8 @@ def continue_locus(
     checks.chosen("directions", directions, ("both", "up", "down"))
     asked = Asked(control, directions, read_stops(stop_at, run.points()), reporter)
     with one_thread(len(solution.system.states)):
-        following = run(point, solution, kind, plane, asked)
+        followed = AccumulationLocusRun if kind == ACCUMULATION and run is OrbitLocusRun else run
+        following = followed(point, solution, kind, plane, asked)
         return audited(following.locus(), following.remarks)  # type: ignore[no-any-return]
 
 
@@ -166,8 +168,7 @@ def _type_of(point: SpecialPoint[Any] | None, solution: Any, run: type[TwoParame
         what = f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
         raise InputError("start", what, f"a special point, or {solution.noun} with its type", "type='SN'")
     if accumulates(point.type, point.locus):
-        wanted = "a point of a type with a locus"
-        raise InputError("start", point.type, wanted, "an accumulation of hits has no locus: follow branches instead")
+        return ACCUMULATION
     kind = run.loci.get(point.type, point.locus if point.type == "TP" else None)
     if kind is None and point.type not in POINT_TYPES:
         run.check_quantity(point)

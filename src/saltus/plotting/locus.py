@@ -65,7 +65,7 @@ def plot_locus(
     ax = _axes(ax, deep=z is not None)
     named: set[str] = set()
     for stretch in stretches:
-        options = style.line_of(stretch.kind, colour or style.SPECIAL.get(locus.type, style.EVENT).colour)
+        options = style.line_of(stretch.kind, colour or style.on_branches(locus.type).colour)
         label = "_" if stretch.kind in named else _meaning(locus, stretch.kind)
         ax.plot(*stretch.places, label=label, **options)
         named.add(stretch.kind)
@@ -99,9 +99,8 @@ def _draw_legend(ax: Axes, above: bool) -> None:
 def _meaning(locus: TwoParameters[Any], stability: str) -> str:
     if stability in style.FAULTY:
         return stability
-    known = (
-        f"{locus.type}, {style.SPECIAL[locus.type].meaning}" if locus.type in style.SPECIAL else f"{locus.type} kept"
-    )
+    own = locus.type in style.SPECIAL
+    known = f"{locus.type}, {style.on_branches(locus.type).meaning}" if own else f"{locus.type} kept"
     return known + (f", of unstable {locus.counted}" if stability == "unstable" else "")
 
 

@@ -81,6 +81,9 @@ def verify(result: Any, *, points: int = 9) -> Verification:
     return Verification(f"{type(result).__name__}", tuple(_rows(result, count)))
 
 
+_NO_CONDITION = "no independent condition"  # why a type is not checked
+
+
 @singledispatch
 def _rows(result: Any, points: int) -> list[Row]:
     return [*_check(result).rows(), *solution_rows(result)]
@@ -171,7 +174,7 @@ def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> 
     check, multiplicity = _check(point.solution, sizes), getattr(point, "multiplicity", 1)
     wanted = [point.type] if not point.locus or point.type == point.locus else [point.locus, point.type]
     if accumulates(point.type, point.locus):
-        return placed(point.label, [unchecked(f"type {point.type}", point.type, "no independent condition")])
+        return placed(point.label, [unchecked(f"type {point.type}", point.type, _NO_CONDITION)])
     rows = [row for one in wanted for row in check.condition(one, multiplicity)]
     if point.type not in check.shrinks_at:
         rows += [row for row in check.rows() if not _is_critical(row)]
@@ -197,13 +200,16 @@ def _curve_rows(curve: Any, points: int) -> list[Row]:
     for index in chosen:
         solution = curve.solution(index)
         check = _check(solution, sizes)
-        if isinstance(check, OrbitCheck) and curve.values[index] in accumulated:
+        chatters = accumulates(getattr(curve, "type", ""), "")
+        if isinstance(check, OrbitCheck) and (chatters or curve.values[index] in accumulated):
             check.left_out = float(solution.residual)
         rows += placed(place_of(curve, index), check.rows())
         if isinstance(check, OrbitCheck) and check.found is not None:
             rows += placed(place_of(curve, index), average_rows(curve, index, check.found))
         counts[index] = check.unstable()
-        if len(curve.varied) > 1:
+        if chatters:
+            rows += placed(place_of(curve, index), [unchecked(f"type {curve.type}", curve.type, _NO_CONDITION)])
+        elif len(curve.varied) > 1:
             rows += placed(place_of(curve, index), check.condition(curve.type))
     rows = worst(rows)
     for point in curve.special_points:

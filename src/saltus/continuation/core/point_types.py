@@ -124,7 +124,7 @@ def loci_through(kind: str) -> Mapping[str, str]:
 
 def accumulates(type: str, locus: str) -> bool:
     """Return whether a special point of a type, on a branch or on a locus of some type, is an accumulation of hits."""
-    return type == ACCUMULATION and not locus
+    return type == ACCUMULATION and locus in ("", ACCUMULATION)
 
 
 def type_on(name: str, locus: str = "") -> PointType | None:

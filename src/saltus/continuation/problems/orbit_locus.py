@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.core.monitor import Monitor, at_grazing
-from saltus.continuation.core.point_types import CHANGES, POINT_TYPES
+from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.coefficients import known_coefficient, or_infinity, torus_at
 from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
@@ -52,6 +52,7 @@ __all__ = ["LocusZeroProblem"]
 _TURNS = (Monitor("TP", 0), Monitor("TP", 1))  # turning points of the two parameters
 _BOUNDS = (Monitor("low", 0), Monitor("high", 0), Monitor("low", 1), Monitor("high", 1))  # ends of their intervals
 _PLAIN = (*_BOUNDS, *_TURNS)  # monitor functions of every locus, at whose zeros nothing bifurcates
+_OWN = ("SN", "PD", "TR", "BP", "CH")  # types of loci with special points of their own
 _CP = Monitor("CP")  # coefficient of the normal form of a saddle-node
 _GPD = Monitor("GPD")  # coefficient of the normal form of a period doubling
 _CH = Monitor("CH")  # coefficient of the normal form of a torus bifurcation
@@ -101,7 +102,7 @@ class LocusZeroProblem:
         self._autonomous = problem.system.phase is None
         self._sizes: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
-        self._type = "GR" if kind in CHANGES else kind if kind in POINT_TYPES else "value"
+        self._type = "GR" if kind in CHANGES else kind if kind in _OWN else "value"
         self.others = multipliers_beside(self._type)
         self._surveyed = grazing_monitors(problem)
         self._durations = timed(problem.system, problem.signature)
@@ -370,8 +371,7 @@ class LocusZeroProblem:
         return rough, rough.resolve(u)[1]
 
     def _at_value(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
-        u = self.orbit(point.u)
-        signs = {Monitor("SN"): 1.0, Monitor("PD"): -1.0}
+        u, signs = self.orbit(point.u), {Monitor("SN"): 1.0, Monitor("PD"): -1.0}
         found = {name: self._determinant(name, mu, self.problem, u, self._J) for name, mu in signs.items()}
         return found, self._data(survey, point.u, math.nan, math.nan)
 

@@ -52,6 +52,7 @@ _TYPES = {
     "BP": {"fold": "SN", "flip": "PD", "pair": "TR"},
     "TR": {"fold": "FNS", "flip": "PDNS", "pair": "NSNS"},
     "BC": {"fold": "SN", "flip": "PD", "pair": "TR"},
+    "CH": {"fold": "SN", "flip": "PD", "pair": "TR"},
     "value": {"pair": "TR"},
 }
 # types of points at which a further value is as critical as the one of the locus, and the points at which both are one

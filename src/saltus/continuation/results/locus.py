@@ -34,7 +34,7 @@ class Locus(TwoParameters[PeriodicOrbit], OrbitCurve):
     Attributes
     ----------
     type : str
-        ``SN``, ``PD``, ``TR``, ``BP`` or ``GR``.
+        ``SN``, ``PD``, ``TR``, ``BP``, ``GR`` or ``CH``, which is one of accumulations of hits.
     names : tuple of str
         The two parameters.
     angle : ndarray, shape (point,)

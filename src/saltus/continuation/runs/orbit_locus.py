@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.continuation.core.locating import events_between
 from saltus.continuation.core.monitor import Monitor, at_grazing
-from saltus.continuation.core.point_types import CHANGES, POINT_TYPES, loci_through
+from saltus.continuation.core.point_types import ACCUMULATION, CHANGES, POINT_TYPES, loci_through
 from saltus.continuation.core.zero_problem import Event, Point
 from saltus.continuation.problems.changes import type_of_change
 from saltus.continuation.problems.critical_points import CriticalOrbit
@@ -52,6 +52,11 @@ class OrbitLocusRun(TwoParameterRun):
     branch: LocusZeroProblem
     loci = loci_through("orbit")
     measured = ("coefficient", "angle")
+
+    @classmethod
+    def types(cls) -> tuple[str, ...]:
+        """See `TwoParameterRun.types`: accumulations of hits have loci too."""
+        return (*super().types(), ACCUMULATION)
 
     @classmethod
     def check(cls, solution: PeriodicOrbit) -> None:

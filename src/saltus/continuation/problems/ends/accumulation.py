@@ -23,8 +23,9 @@ from saltus.scales import ACCUMULATION_SETTLED, EPS, FOLLOWED_GROWTH, HOP_ROUNDI
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Accumulated", "accumulated_near", "hits_of"]
+__all__ = ["Accumulated", "Accumulating", "accumulated_near", "hits_of"]
 
+_NONE = np.empty(0)
 _PARTS = 24  # steps of a hop that is followed for a guess, and of Newton's method, at most
 
 Row = tuple[int, int, "NDArray[np.float64]"]  # mode, transition, and state and duration of a segment
@@ -34,12 +35,18 @@ Row = tuple[int, int, "NDArray[np.float64]"]  # mode, transition, and state and 
 class Accumulated:
     """An orbit at the accumulation, in the form of those that rest."""
 
-    problem: OrbitProblem  # of a system in which motions rest; one parameter is active
-    u: NDArray[np.float64]  # shape (size + 1,)
+    problem: OrbitProblem  # of a system in which motions rest; one parameter or two are active
+    u: NDArray[np.float64]  # shape (size + active,)
+    known: Accumulation  # the condition
     impact: int  # the transition of the hits, in the system of the orbits nearby
     hits: int  # how many in a row are followed one by one
     value: float  # what is left of the condition
     first: int  # the segment of the flight behind the rest
+
+    @property
+    def stops(self) -> int:
+        """The segment behind the last hit that is followed, at whose start the condition holds."""
+        return (self.first - 2) % self.problem.segments
 
     def among_flights(self) -> tuple[Signature, NDArray[np.float64]]:
         """Return signature and unknowns in the form of orbits that do not rest.
@@ -52,7 +59,7 @@ class Accumulated:
         if system.phase is not None:
             blocks[: self.first, n - 1] += system.turn * form.turns
         order = [(self.first + i) % count for i in range(count)]
-        flights, stops = order[:-2], order[-2]
+        flights, stops = order[:-2], self.stops
         start, rested = blocks[stops].copy(), float(blocks[order[-2:], n].sum())
         if system.phase is not None:
             start[n - 1] -= system.turn * form.turns
@@ -64,8 +71,47 @@ class Accumulated:
         )
         problem = OrbitProblem(system, signature, self.problem.parameters_at(self.u), tol=self.problem.tol)
         problem.state_scale = self.problem.state_scale.copy()  # the orbit is the same
-        signature, u = settle_signature(problem, rows.ravel())
-        return signature, np.append(u, self.u[-1])
+        u = rows.ravel()
+        if problem.start(u) is None:  # the flight meets its event: its push stands for the hops that are left out
+            F, J = problem.evaluate(u)
+            way = self.known.way(u[:n], problem.p)
+            u[:n] -= way * float(F[n] / (J[n, :n] @ way))
+        signature, u = settle_signature(problem, u)
+        return signature, np.append(u, self.u[self.problem.size :])
+
+
+class Accumulating:
+    """The hits accumulate just where the surface lets go: a `Condition` of orbits that rest.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    known : Accumulation
+        What vanishes.
+    at : int
+        The segment behind the last hit that is followed.
+    """
+
+    extra, rows = 0, 1
+
+    def __init__(self, problem: OrbitProblem, known: Accumulation, at: int) -> None:
+        self.problem, self.known = problem, known
+        self.place = slice(at * (problem.n + 1), at * (problem.n + 1) + problem.n)
+
+    def evaluate(
+        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the scalar and its gradient."""
+        problem, n = self.problem, self.problem.n
+        x, p = u[self.place], problem.parameters_at(u)
+        slopes, gradient = self.known.slopes(x, p), np.zeros(u.size)
+        gradient[self.place] = slopes[:n]
+        gradient[problem.size :] = slopes[n + np.asarray(problem.active)] * problem.scales
+        return self.known.values(x, p)[:1], gradient[None, :], np.empty((1, 0))
+
+    def adjust(self) -> None:
+        """Do nothing: there are no borders."""
 
 
 def hits_of(problem: OrbitProblem) -> dict[int, list[int]]:
@@ -86,17 +132,24 @@ def hits_of(problem: OrbitProblem) -> dict[int, list[int]]:
     return found
 
 
-def accumulated_near(problem: OrbitProblem, u: NDArray[np.float64]) -> Accumulated | None:
-    """Return the orbit at an accumulation near the orbit `u`, of one active parameter; None where none is found."""
+def accumulated_near(
+    problem: OrbitProblem, u: NDArray[np.float64], own: Accumulation | None = None
+) -> Accumulated | None:
+    """Return the orbit at an accumulation near the orbit `u`, of one active parameter; None where none is found.
+
+    own: the condition of the hits that are looked at, if it is known.
+    """
     problem, u = whole(problem, u)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     for impact, hops in hits_of(problem).items():
-        if (known := accumulation(problem.system, impact)) is None:
+        if own is not None and own.impact != impact:
+            continue
+        if (known := own or accumulation(problem.system, impact)) is None:
             continue
         shortest = min(hops, key=lambda i: float(blocks[i, -1]))
         for rows in _guesses(problem, u, known, impact, shortest):
             if (found := _followed(problem, known, rows, float(u[-1]))) is not None:
-                return Accumulated(found[0], found[1], impact, *found[2:])
+                return Accumulated(found[0], found[1], known, impact, *found[2:])
     return None
 
 
@@ -267,16 +320,12 @@ def _solved(
 
 def _newton(problem: OrbitProblem, known: Accumulation, u: NDArray[np.float64], at: int) -> bool:
     """Solve the orbit's equations with the condition behind the last hit, whose segment is `at`; `u` is written."""
-    n = problem.n
+    n, condition = problem.n, Accumulating(problem, known, at)
     if problem.start(u) is not None:
         return False
     for _ in range(_PARTS):
         F, J = problem.evaluate(u)
-        x, p = u[at * (n + 1) : at * (n + 1) + n], problem.parameters_at(u)
-        value, slopes = known.values(x, p)[0], known.slopes(x, p)
-        row = np.zeros(u.size)
-        row[at * (n + 1) : at * (n + 1) + n] = slopes[:n]
-        row[-1] = slopes[n + problem.active[0]] * problem.scales[0]
+        value, row, _ = condition.evaluate(u, _NONE, J)
         matrix, left = np.vstack([J, row]), np.append(F, value)
         if not (np.isfinite(matrix).all() and np.isfinite(left).all()):
             return False

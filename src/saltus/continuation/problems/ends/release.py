@@ -47,8 +47,8 @@ class Accumulation:
         self._known = _settling(system, impact, rest)
 
     @cached_property
-    def _functions(self) -> tuple[Callable[..., Any], Callable[..., Any]]:
-        """What `values` and `slopes` return, as functions of states and parameters."""
+    def _functions(self) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
+        """What `values`, `slopes` and `way` return, as functions of states and parameters."""
         import sympy
 
         known, symbols = self._known, [sympy.Symbol(n, real=True) for n in (*self.system.all_states, *self._parameters)]
@@ -64,7 +64,8 @@ class Accumulation:
         condition = 1 - rate * growth / pull**2 / ((1 - root) * (2 + root) * shape)
         values = sympy.lambdify(symbols, [condition, left, rate, growth, root], "numpy", cse=True)
         slopes = sympy.lambdify(symbols, [sympy.diff(condition, symbol) for symbol in symbols], "numpy", cse=True)
-        return values, slopes
+        turn = [known.turn.get(name, sympy.Integer(0)) for name in self.system.all_states]
+        return values, slopes, sympy.lambdify(symbols, turn, "numpy", cse=True)
 
     @property
     def event(self) -> str:
@@ -95,6 +96,10 @@ class Accumulation:
         """Return the derivatives of the condition by states and parameters, shape (all states + parameters,)."""
         with np.errstate(all="ignore"):
             return np.array(self._functions[1](*x.tolist(), *p.tolist()), dtype=np.float64)
+
+    def way(self, x: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the direction in which the impacts turn the velocity, shape (all states,)."""
+        return np.array(self._functions[2](*x.tolist(), *p.tolist()), dtype=np.float64)
 
 
 def _root(restitution: sympy.Expr) -> sympy.Expr:
