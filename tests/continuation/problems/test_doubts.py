@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from saltus import HybridSystem, Mode, StepControl, Transition, continue_orbit, find_orbit, solve_orbit
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.zero_problem import Event, Examined
+from saltus.continuation.problems.doubts import in_order, passing
+from saltus.continuation.problems.orbit_data import OrbitData
 from selection import guarding
 
 RADIUS = 0.9
@@ -130,3 +136,47 @@ def test_a_doubled_orbit_does_not_become_the_single_one_without_a_branch_point(l
     assert {point.type for point in branch.special_points} == {"SN", "BP"}
     assert branch["SN1"].parameters["p"] == pytest.approx(place, rel=1e-5)
     assert branch["BP1"].parameters["p"] == pytest.approx(0.0, abs=1e-12)
+
+
+def end(arc: float, values: list[complex], kind: str = "") -> Any:
+    """Return a point of smooth orbits in pieces with its multipliers, or an event of a kind there."""
+    data = OrbitData(SimpleNamespace(), np.array([*values, 1.0], complex), 0, tuple(values))
+    point = SimpleNamespace(arc=arc, examined=Examined({}, None, data))
+    return Event(Monitor(kind), point, 0.0) if kind else point
+
+
+@pytest.mark.parametrize("rising", [False, True])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_multiplier_passes_1_and_minus_1_in_its_order_whatever_rounding_makes_of_it(
+    rising: bool, swapped: bool
+) -> None:
+    cut = SimpleNamespace(signature=SimpleNamespace(flies=False, is_cut=True))
+    sense, product = (-1.0 if rising else 1.0), 1e-30
+    rows = [[value, product / value] for value in (sense * 1e7, 40.0, -7.0, sense * -2e7)]
+    expected = ["PD", "SN"] if rising else ["SN", "PD"]
+    kinds = expected[::-1] if swapped else expected
+    events = [end(arc, row, kind) for arc, row, kind in zip((0.5, 0.6), rows[1:3], kinds, strict=True)]
+    found = in_order(cut, events, end(0.0, rows[0]), end(1.0, rows[3]))
+    assert [event.name.kind for event in found] == expected
+    assert [event.point.arc for event in found] == [0.5, 0.6]
+    for event in found:
+        told = event.point.examined.data.told.real
+        assert told[0] == {"SN": 1.0, "PD": -1.0}[event.name.kind]
+        assert math.prod(told) == pytest.approx(product, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "kind", "index"),
+    [
+        ([1e7, 1e-9], [-1e7, -1e-9], "SN", 0),
+        ([1e7, 0.5], [-1e7, 2.0], "SN", None),  # both pass 1: which one is where is not told
+        ([3.0 + 1j, 3.0 - 1j], [-3.0 + 0j, 0.5], "SN", None),  # a pair at one end
+        ([-3.0, 1e-9], [-0.5, 1e-8], "SN", None),
+        ([-3.0, 1e-9], [-0.5, 1e-8], "PD", 0),
+    ],
+)
+def test_a_multiplier_that_passes_is_told_by_the_ends_of_the_step(first, last, kind: str, index: int | None) -> None:
+    for flies, is_cut in ((False, True), (True, True), (False, False)):
+        problem = SimpleNamespace(signature=SimpleNamespace(flies=flies, is_cut=is_cut))
+        smooth = is_cut and not flies
+        assert passing(problem, kind, end(0.0, first), end(1.0, last)) == (index if smooth else None)

@@ -1,4 +1,4 @@
-"""Search of a step of orbits for multipliers that become critical and come back, which the step's ends do not show.
+"""Multipliers within a step of orbits: which become critical and come back, and in which order they pass 1 and -1.
 
 docs/theory/continuation.md, "Special points", explains when a step is searched.
 """
@@ -14,18 +14,20 @@ import numpy as np
 from saltus.continuation.core.value_tests import bounded, circle_tests
 from saltus.continuation.core.within_step import ASIDE, Spectrum, several_critical, steady
 from saltus.continuation.core.zero_problem import hermite
-from saltus.scales import CROWDED
+from saltus.scales import CONFIRMED, CROWDED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.continuation.core.zero_problem import Point
+    from saltus.continuation.core.zero_problem import Event, Point
     from saltus.continuation.problems.orbit_data import OrbitData
+    from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["DOUBT", "search_between"]
+__all__ = ["DOUBT", "in_order", "passing", "search_between"]
 
 DOUBT = "events: multipliers may become critical and come back within the step"
 _PARTS = 8  # parts of a step that are looked at before it is taken back
+_PLACES = {"SN": 1.0, "PD": -1.0}  # where a real multiplier is critical
 
 
 def search_between(
@@ -68,3 +70,53 @@ def search_between(
     ends = Spectrum(start, before, away / length), Spectrum(end, beside, -ASIDE)
     several = several_critical(spectra, *ends, circle_tests, _PARTS, touches=touches)
     return several is not False, replace(data, beside=(-ASIDE * length, beside))
+
+
+def passing(problem: OrbitProblem, kind: str, before: Point, after: Point) -> int | None:
+    """Return which real multiplier passes 1 (SN) or -1 (PD) in a step, by its index; None where not one does.
+
+    Multipliers of smooth orbits have no poles: one whose distance differs in sign at both ends vanishes between them.
+    Where orbits are in pieces, the trivial multiplier is left out exactly.
+    """
+    if problem.signature.flies or not problem.signature.is_cut:
+        return None
+    old, new = ([] if (data := end.examined.data) is None else data.followed for end in (before, after))
+    if len(old) != len(new):
+        return None
+    at = _PLACES[kind]
+    real = [i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a.imag == b.imag == 0.0]
+    past = [i for i in real if (old[i].real - at) * (new[i].real - at) < 0.0]
+    return past[0] if len(past) == 1 else None
+
+
+def in_order(problem: OrbitProblem, events: list[Event], before: Point, after: Point) -> list[Event]:
+    """Return the events of a step, its fold and its doubling in the order in which one multiplier passes 1 and -1.
+
+    Next to a homoclinic orbit they are nearer to each other than rounding tells, and multipliers there are rounding.
+    Their points are then exchanged, and the multiplier that passes is told to be at its critical place.
+    """
+    simple = {event.name.kind: event for event in events if event.name.kind in _PLACES}
+    index = {kind: i for kind in simple if (i := passing(problem, kind, before, after)) is not None}
+    passes = {kind: simple[kind] for kind in index}
+    if len(passes) == 2 and index["SN"] == index["PD"]:
+        i, (fold, doubling) = index["SN"], (passes["SN"], passes["PD"])
+        falls = after.examined.data.followed[i].real < before.examined.data.followed[i].real
+        if fold.point.arc != doubling.point.arc and (fold.point.arc < doubling.point.arc) != falls:
+            passes = {"SN": replace(fold, point=doubling.point), "PD": replace(doubling, point=fold.point)}
+    for kind, event in passes.items():
+        _settle(event.point, index[kind], _PLACES[kind])
+    kept = [passes.get(event.name.kind, event) for event in events]
+    return sorted(kept, key=lambda event: event.point.arc)
+
+
+def _settle(point: Point, i: int, place: float) -> None:
+    """Tell a point's multiplier that passes its critical place to be there; the next one keeps the product of all."""
+    data: OrbitData | None = point.examined.data
+    if data is None or len(data.followed) <= i or abs(data.followed[i] - place) <= CONFIRMED:
+        return
+    told = data.multipliers.copy()
+    k = int(np.argmin(np.abs(told - data.followed[i])))
+    if k + 1 < len(data.followed) and told[k + 1].imag == 0.0:
+        told[k + 1] *= told[k].real / place
+    told[k] = place
+    point.examined = replace(point.examined, data=replace(data, known=told))

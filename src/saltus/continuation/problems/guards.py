@@ -13,6 +13,7 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor, at_grazing
 from saltus.continuation.core.zero_problem import Point
+from saltus.continuation.problems.doubts import passing
 from saltus.continuation.problems.errors import clear_of_one
 from saltus.continuation.problems.margins import without_speed
 from saltus.orbits.maps import most_grown, piece_maps
@@ -67,8 +68,10 @@ def unconfirmed(
 
     Next to a grazing a multiplier is infinite. The others are then too inaccurate to contradict: the result is False.
     On a canard multipliers pass their critical places so fast that the point's place does not tell them. `step` has the
-    ends of its step.
+    ends of its step. A multiplier that passes its critical place between these needs no confirmation.
     """
+    if kind != "TR" and step is not None and passing(problem, kind, *step) is not None:
+        return False
     inner = nontrivial(values, autonomous=problem.system.phase is None)
     if not np.all(np.abs(inner) < INFINITE):
         return False

@@ -19,7 +19,7 @@ from saltus.continuation.core.value_tests import circle_tests
 from saltus.continuation.core.zero_problem import Event, Examined, Point, Unsolved
 from saltus.continuation.problems import guards
 from saltus.continuation.problems.changes import limits_of_multipliers
-from saltus.continuation.problems.doubts import DOUBT, search_between
+from saltus.continuation.problems.doubts import DOUBT, in_order, search_between
 from saltus.continuation.problems.errors import orbit_error
 from saltus.continuation.problems.grazing import turned
 from saltus.continuation.problems.margins import grazing_monitors, side_of, still_ahead, timed, without_shadows
@@ -380,6 +380,7 @@ class OrbitZeroProblem:
                 if long:
                     return f"location: the orbit at a zero of {event.name} has no multiplier that is critical"
                 kept.remove(event)
+        kept = kept if self._step is None else in_order(self.problem, kept, *self._step)
         first = next((e for e in kept if bifurcates(e.name) or at_grazing(e.name)), None)
         if first is None or self._step is None or not long:
             return kept

@@ -32,11 +32,16 @@ class OrbitData:
     beside: tuple[float, NDArray[np.complex128]] | None = None
     twice: bool = False  # whether the orbit goes round a shorter one twice
     tolerance: float = FINEST  # relative tolerance of the flow that it was solved with
-    known: NDArray[np.complex128] | None = None  # multipliers, NaN where they are rounding; None where none is
+    # multipliers, NaN or their critical place where they are rounding; None where none is
+    known: NDArray[np.complex128] | None = None
 
     @property
     def told(self) -> NDArray[np.complex128]:
-        """Multipliers as results have them: NaN where an event is met more slowly than its own speed is known."""
+        """Multipliers as results have them.
+
+        They are NaN where an event is met more slowly than its own speed is known. One that passes its critical place
+        faster than rounding tells is there.
+        """
         return self.multipliers if self.known is None else self.known
 
     @property
