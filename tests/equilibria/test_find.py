@@ -122,6 +122,12 @@ def test_where_there_is_none_the_reason_is_told():
         find_equilibrium(fields.system({"x": "exp(x)"}, {}), x0=[0.0])
 
 
+@pytest.mark.parametrize("field", ["x*log(x) - 0.4*x", "exp(-1/x) - 0.4*x", "sqrt(x)*(1 - x) - 0.4*x"])
+def test_a_state_without_finite_derivatives_is_told(field):
+    with pytest.raises(ConvergenceError, match="comes to x = .*, where the field has no finite derivatives"):
+        find_equilibrium(fields.system({"x": field}, {}), x0=[0.01])
+
+
 def test_an_identity_reset_does_not_matter_to_a_mode_of_its_own():
     system = HybridSystem(
         ("x", "y"),

@@ -113,3 +113,29 @@ def test_a_motion_rests_where_both_of_its_states_are_drawn_to_0():
     assert motion.mode_end == "00"
     assert motion.x_end == pytest.approx([0.0, 0.0], abs=1e-12)
     assert motion.events["time"] == pytest.approx([0.2, 0.5], abs=1e-12)
+
+
+@pytest.mark.campaign
+def test_three_blocks_that_touch_the_belt_alone_move_as_each_does():
+    """No spring links them, so that each moves as in a system of its own; all three stick in the end."""
+    sizes, springs, starts = (1.0, 0.8, 1.2), (1.0, 1.3, 0.7), ((0.5, 0.0), (-0.3, 0.1), (1.9, 0.2))
+
+    def pushed(i, sign):
+        return f"-{springs[i]!r}*x{i} {'-' if sign == '+' else '+'} {sizes[i]!r}"
+
+    words = [a + b + c for a in "+-" for b in "+-" for c in "+-"]
+    names = [name for i in range(3) for name in (f"x{i}", f"v{i}")]
+    fields = {
+        word: {name: f"v{i}" if name[0] == "x" else pushed(i, word[i]) for i in range(3) for name in (f"x{i}", f"v{i}")}
+        for word in words
+    }
+    together = filippov(names, {}, surfaces=[f"v{i} - 0.2" for i in range(3)], fields=fields)
+    for t_end in (0.7, 3.0):
+        x = simulate(together, x0=np.ravel(starts), t_end=t_end, tolerance=1e-11).x_end
+        for i, start in enumerate(starts):
+            sides = {
+                side: {f"x{i}": f"v{i}", f"v{i}": pushed(i, sign)} for side, sign in (("above", "+"), ("below", "-"))
+            }
+            alone = filippov((f"x{i}", f"v{i}"), {}, surface=f"v{i} - 0.2", **sides)
+            own = simulate(alone, x0=start, t_end=t_end, tolerance=1e-11).x_end
+            np.testing.assert_allclose(x[2 * i : 2 * i + 2], own[:2], rtol=1e-8, atol=1e-9)

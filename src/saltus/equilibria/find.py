@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -92,6 +93,10 @@ def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Eq
     if problem.circles.size:
         u, sizes, iteration = solve_zero(problem, -wrapped(-u, problem.circles), "equilibrium", "")
     u = problem.with_totals(u)  # a state that nothing changes may be far below the others, and no rounding of 0
+    if not np.isfinite(problem.evaluate(u)[1]).all():
+        where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(problem.system.states, u, strict=False))
+        told = f"it comes to {where}, where the field has no finite derivatives; start elsewhere"
+        raise ConvergenceError("equilibrium", math.inf, iteration, told)
     found = Equilibrium.from_unknowns(problem, u, np.maximum(sizes, np.abs(u)))
     if not found.residual <= _RESIDUAL:
         raise ConvergenceError("equilibrium", found.residual, iteration, why_none(problem.evaluate(u)[1]))

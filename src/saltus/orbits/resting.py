@@ -353,6 +353,7 @@ def on_its_plane(problem: Equations, u: NDArray[np.float64], survey: Survey) -> 
 
     States of an orbit in the plane are 0, and Newton's method leaves some rounding of them. It solves no equations in
     its own size: what is left of them is as large. A state that is small in earnest, as a population, solves them.
+    The plane is the origin where all states are rounding in the sizes in which the orbit was solved.
 
     Parameters
     ----------
@@ -363,7 +364,7 @@ def on_its_plane(problem: Equations, u: NDArray[np.float64], survey: Survey) -> 
     survey : Survey
         Its extremes.
     """
-    sizes, places = _small(problem, survey)
+    sizes, places = _small(problem, survey, float(problem.state_scale[: len(problem.system.states)].max()))
     if not places.size:
         return None
     moved = _without(problem, u, places)
@@ -400,11 +401,16 @@ def _residual(problem: Equations, u: NDArray[np.float64], places: NDArray[np.int
     return problem.evaluate(u[:wide])[0].reshape(problem.segments, problem.n + 1)[:, places]
 
 
-def _small(problem: Equations, survey: Survey) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Return the sizes of an orbit's states, and the places of those that are small but for 0."""
+def _small(problem: Equations, survey: Survey, top: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Return the sizes of an orbit's states, and the places of those that are small but for 0.
+
+    They are small beside the largest of them, or beside `top` if that has them all small.
+    """
     count = len(problem.system.states)
     sizes = np.maximum(np.abs(survey.lows[:count]), np.abs(survey.highs[:count]))
-    return sizes, np.flatnonzero((sizes < RESTING * float(sizes.max())) & (sizes > 0.0))
+    largest = float(sizes.max())
+    largest = top if largest < RESTING * top else largest
+    return sizes, np.flatnonzero((sizes < RESTING * largest) & (sizes > 0.0))
 
 
 def _without(problem: Equations, u: NDArray[np.float64], places: NDArray[np.intp]) -> NDArray[np.float64]:

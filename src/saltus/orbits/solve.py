@@ -421,6 +421,7 @@ def _accepted(
     u, J = at
     plane = on_its_plane(problem, u, survey)
     if plane is not None and problem.start(plane) is None:
+        problem.resolve(plane)  # meshes of what rests say nothing of what is beside it
         u, J = plane, evaluate(plane)[1]
     if landed is not None and landed.steep(u, J) and (safe := landed.on_any_mesh(u)) is not u:
         problem.start(safe)

@@ -6,7 +6,7 @@ docs/theory/filippov.md derives the sliding field and the conditions of the tran
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import DefinitionError, nearest
@@ -416,10 +416,10 @@ class _Parts:
 
     def transitions(self) -> list[Transition]:
         """Return the transitions: from regions into sliding and across, out of sliding, and where surfaces meet."""
-        return [
-            Transition(self.name(source), self.name(target), event, way, when=None if when.is_positive else when)
-            for source, target, event, way, when in self._made
-        ]
+        made = [Transition(self.name(a), self.name(b), h, way, when=None if when.is_positive else when)
+                for a, b, h, way, when in self._made]  # fmt: skip
+        names = [one.name for one in made]  # of three surfaces a motion meets two from one side
+        return [replace(one, name=f"{one.name} at {one.event}") if names.count(one.name) > 1 else one for one in made]
 
     def _all_ways(self) -> Iterator[tuple[str, str, sympy.Expr, int, sympy.Expr]]:
         """Go through sources, targets, events, directions and conditions of all transitions."""
