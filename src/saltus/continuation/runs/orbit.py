@@ -226,10 +226,10 @@ class OrbitRun(OneParameterRun):
         slowed = grazing_ahead(half.points)
         if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
             return end
-        told, located = self._unbounded(half) if grows_at_last(half.points) else ("", False)
-        if not located and piece.problem.tighten():  # why no step succeeds cannot be told at a looser tolerance
-            return piece, last, self.first_step
-        return told if located else f"{told}; {reason}" if told else f"{self.place(last)}: {self._why(piece, half, reason)}"
+        how, known = self._unbounded(half) if grows_at_last(half.points) else ("", False)
+        if not known and (finer := beyond.more_exactly(half, piece, last)) is not None:
+            return piece, finer, self.first_step
+        return how if known else f"{how}; {reason}" if how else f"{self.place(last)}: {self._why(piece, half, reason)}"
 
     def _excursion_ends(self, half: OneSide) -> Going | str | None:
         """Keep the AS at which an excursion from sliding vanishes, and return what goes on there; None without one."""
