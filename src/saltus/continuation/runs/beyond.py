@@ -276,6 +276,7 @@ def more_exactly(half: OneSide, branch: OrbitZeroProblem, last: Point) -> Point 
     A last point may be too far off at a loose tolerance. Then points are dropped back to one from which Newton's method
     comes to the finer orbit, but no special point is.
     """
+    point: Point
     problem, fewest = branch.problem, half.specials[-1].after + 1 if half.specials else 1
     if not problem.tighten():
         return None
