@@ -38,6 +38,7 @@ def neuron(voltage: float, time: float) -> saltus.HybridSystem:
     return saltus.HybridSystem.smooth({"v": f"{voltage / time!r}*{current}", "w": f"{1 / time!r}*{gate}"}, {"I": 95.0})
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("voltage", "time"), guarding(UNITS, UNITS[0], campaign=4))
 def test_a_canard_is_passed_at_a_loose_tolerance(voltage: float, time: float) -> None:
     orbit = saltus.find_orbit(neuron(voltage, time), x0=[0.0, 0.4], tolerance=1e-5)
