@@ -34,9 +34,9 @@ _SYSTEMS = [
 @pytest.mark.parametrize(
     ("rates", "fed", "unit", "pace"),
     guarding(
-        [(*system, *units) for system in _SYSTEMS[:7] for units in [(1.0, 1.0), (1e-9, 1e9), (1e9, 1.0)]]
-        + [(*_SYSTEMS[7], 1.0, 1.0), (*_SYSTEMS[7], 1e9, 1.0)],
-        (*_SYSTEMS[4], 1.0, 1.0), (*_SYSTEMS[5], 1e-9, 1e9),
+        [(*system, *units) for system in _SYSTEMS for units in [(1.0, 1.0), (1e-9, 1e9), (1e9, 1.0), (1.0, 1e9)]]
+        + [(*_SYSTEMS[7], 1e9, pace) for pace in (1e-9, 1e5, 1e9)],
+        (*_SYSTEMS[4], 1.0, 1.0), (*_SYSTEMS[5], 1e-9, 1e9), (*_SYSTEMS[7], 1e-9, 1e9),
         campaign=8,
     ),
 )  # fmt: skip

@@ -207,11 +207,11 @@ class AlgebraicZeroProblem:
 
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return monitors, data and fault of a point."""
-        point.J = self.problem.evaluate(u := self.regular(point.u))[1]
-        point.residual = self.residual(point.u, point.J, np.maximum(self.sizes, np.abs(u[: self.n])))
+        J = self.problem.evaluate(u := self.regular(point.u))[1]  # that of the point is in units of its rows
+        point.residual = self.residual(point.u, J, np.maximum(self.sizes, np.abs(u[: self.n])))
         if not point.residual <= scales.RESIDUAL_KEPT:
             return Examined({}, f"residual: {self.vanishing}")
-        data, u = self.data(u, point.J), point.u
+        data, u = self.data(u, J), point.u
         if before is not None and before.examined.data is not None:
             old: PointData = before.examined.data
             data = replace(data, behind=(point.arc - before.arc, (old.values, old.sizes)))

@@ -74,7 +74,7 @@ class Stretch:
 
         interest, sizes, origin, rows = branch
         n = problem.n
-        self._interest, self._problem = interest, problem
+        self._interest, self._problem, self._rows = interest, problem, rows
         self._points, self._jacobians = np.empty((_MOST, 2, n + 1)), np.empty((_MOST, n, n + 1))
         numbers = np.empty((_MOST, 5))
         p = problem.compiled.extended(problem.p)
@@ -162,6 +162,7 @@ class Stretch:
         arcs = last.arc + np.cumsum(self.numbers[:count, 4])
         weights = np.column_stack([1.0 / self.sizes[:count] ** 2, np.ones(count)])
         rows: list[Any] = self.numbers[:count].tolist()
+        jacobians = self._jacobians[:count] / self._rows[:, None]
         columns = {name: values[:count].tolist() for name, values in self.tests.items()} if count else {}
         found = []
         for i, (sign, log, residual, iterations, _) in enumerate(rows):
@@ -170,7 +171,7 @@ class Stretch:
             u, tangent = self._points[i]
             found.append(
                 Point(
-                    u, self._jacobians[i], tangent, weights[i], sign, log, residual, int(iterations), float(arcs[i]),
+                    u, jacobians[i], tangent, weights[i], sign, log, residual, int(iterations), float(arcs[i]),
                     examined, last.frame,
                 )
             )  # fmt: skip

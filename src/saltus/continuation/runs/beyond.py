@@ -19,7 +19,7 @@ from saltus.continuation.problems.grazing import Neighbour, exchanged_at
 from saltus.continuation.problems.margins import rebound_ceases, speed_at
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.orbit_data import OrbitData
-from saltus.continuation.runs.two_sided import turned
+from saltus.continuation.runs.two_sided import OneSide, turned
 from saltus.orbits.coincidences import Order, commute, exchanged
 from saltus.orbits.cuts import whole
 from saltus.orbits.problem import OrbitProblem
@@ -38,6 +38,7 @@ __all__ = [
     "exchanged_freely",
     "gone_on",
     "leaving",
+    "more_exactly",
     "parted",
     "summed_late",
     "sums_up",
@@ -267,6 +268,29 @@ def _unstable_at(branch: OrbitZeroProblem, point: Point, old: Point) -> int | No
     else:
         data = old.examined.data if passes_smoothly(branch.problem, point.u, born) else None
     return None if data is None else int(data.unstable)
+
+
+def more_exactly(half: OneSide, branch: OrbitZeroProblem, last: Point) -> Point | None:
+    """Return the point from which a direction goes on at the finest tolerance; None where that was used.
+
+    A last point may be too far off at a loose tolerance. Then points are dropped back to one from which Newton's method
+    comes to the finer orbit, but no special point is.
+    """
+    point: Point
+    problem, fewest = branch.problem, half.specials[-1].after + 1 if half.specials else 1
+    if not problem.tighten():
+        return None
+    for count in range(len(half.points), fewest - 1, -1):
+        piece, point = half.points[count - 1]
+        if piece is not branch:
+            break
+        if point.frame is not None:
+            problem.phase_plane = point.frame
+        branch.depart(point)
+        if point.examined.data.tolerance <= problem.tol:
+            del half.points[count:]
+            return point
+    return last
 
 
 def summed_late(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:

@@ -226,10 +226,10 @@ class OrbitRun(OneParameterRun):
         slowed = grazing_ahead(half.points)
         if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
             return end
-        if grows_at_last(half.points):
-            told_of, located = self._unbounded(half)
-            return told_of if located else f"{told_of}; {reason}"
-        return f"{self.place(last)}: {self._why(piece, half, reason)}"
+        how, known = self._unbounded(half) if grows_at_last(half.points) else ("", False)
+        if not known and (finer := beyond.more_exactly(half, piece, last)) is not None:
+            return piece, finer, self.first_step
+        return how if known else f"{how}; {reason}" if how else f"{self.place(last)}: {self._why(piece, half, reason)}"
 
     def _excursion_ends(self, half: OneSide) -> Going | str | None:
         """Keep the AS at which an excursion from sliding vanishes, and return what goes on there; None without one."""
