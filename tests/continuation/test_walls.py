@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -97,6 +98,54 @@ def an_orbit(wall: Wall) -> saltus.PeriodicOrbit | None:
     return None
 
 
+def in_many_digits(p: dict[str, float], hits: np.ndarray) -> tuple[float, complex]:
+    """Return the least speed over the largest, and the larger multiplier, of an orbit of a ball on a moving table.
+
+    hits: height, velocity, phase and time up to the next hit, right behind each hit; where Newton's method starts.
+    """
+    g, e, a, w = (mpmath.mpf(p[name]) for name in "geaw")
+    count, period = len(hits), 2 * mpmath.pi / w
+    turns = round(float(hits[:, 3].sum() / period))
+    times, behind = [mpmath.mpf(float(hit[2])) / w for hit in hits], [mpmath.mpf(float(hit[1])) for hit in hits]
+    for i in range(1, count):
+        while times[i] < times[i - 1]:
+            times[i] += period
+
+    def equations(x: list[mpmath.mpf]) -> tuple[mpmath.matrix, mpmath.matrix, mpmath.matrix, list[mpmath.mpf]]:
+        """Return residual and Jacobian in times and velocities behind hits, the map of a period, and speeds."""
+        F, J, M, speeds = mpmath.zeros(2 * count, 1), mpmath.zeros(2 * count), mpmath.eye(2), []
+        for i in range(count):
+            k = (i + 1) % count
+            start, v, end = x[i], x[count + i], x[k] + (turns * period if k == 0 else 0)
+            flight = end - start
+            speed = v - g * flight - a * w * mpmath.cos(w * end)
+            early, turned = a * w * mpmath.cos(w * start) - v + g * flight, (1 + e) * a * w * w * mpmath.sin(w * end)
+            F[2 * i] = a * mpmath.sin(w * start) + v * flight - g * flight**2 / 2 - a * mpmath.sin(w * end)
+            F[2 * i + 1] = x[count + k] + e * (v - g * flight) - (1 + e) * a * w * mpmath.cos(w * end)
+            for row, column, value in (
+                (0, i, early), (0, k, speed), (0, count + i, flight),
+                (1, count + k, 1), (1, count + i, e), (1, i, e * g), (1, k, turned - e * g),
+            ):  # fmt: skip
+                J[2 * i + row, column] += value
+            later = -early / speed, -flight / speed
+            M = mpmath.matrix([later, [-e * g - (turned - e * g) * later[0], -e - (turned - e * g) * later[1]]]) * M
+            speeds.append(abs(speed))
+        return F, J, M, speeds
+
+    x = times + behind
+    for _ in range(12):
+        F, J, M, speeds = equations(x)
+        step = mpmath.lu_solve(J, -F)
+        x = [one + more for one, more in zip(x, step, strict=True)]
+        if max(map(abs, step)) < mpmath.mpf(10) ** -40 * max(map(abs, x)):
+            break
+    if max(abs(more) for more in step) > mpmath.mpf(10) ** -30 * max(map(abs, x)):
+        return np.nan, complex(np.nan)
+    trace, product = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
+    root = mpmath.sqrt(mpmath.mpc(trace**2 / 4 - product))
+    return float(min(speeds) / max(speeds)), complex(max((trace / 2 + root, trace / 2 - root), key=abs))
+
+
 @pytest.mark.parametrize("seed", guarding(range(60), 1, campaign=6))
 def test_no_admissible_orbit_of_a_branch_passes_its_wall(seed: int) -> None:
     wall, varied = random_wall(seed)
@@ -165,3 +214,25 @@ def test_a_locus_of_folds_ends_at_the_grazing_of_a_hop_that_is_seen() -> None:
     branch = saltus.continue_orbit(orbit, *varied[0], steps=steps)
     locus = saltus.continue_locus(branch["SN1"], tuple(bounds), bounds, steps=steps)
     assert [point.type for point in locus.special_points] == ["GR"]
+
+
+@pytest.mark.campaign
+def test_multipliers_are_told_until_the_last_of_ten_hits_is_rounding():
+    wall, varied = random_wall(5)
+    orbit = an_orbit(wall)
+    bounds, steps = dict(varied), saltus.StepControl(max_points=160)
+    branch = saltus.continue_orbit(orbit, *varied[0], steps=steps)
+    locus = saltus.continue_locus(branch["PD1"], tuple(bounds), bounds, steps=steps)
+    told, slow = np.isfinite(locus.multipliers[:, 0]), 0
+    for i in range(0, 44, 3):  # the ends of slow hits
+        p = dict(orbit.parameters) | dict(zip(locus.varied, locus.values[i].tolist(), strict=True))
+        with mpmath.workdps(50):
+            speed, value = in_many_digits(p, locus.unknowns[i].reshape(-1, 4))
+        if told[i]:
+            assert abs(locus.multipliers[i, 0] - value) < 0.01 * abs(value), (i, speed, value)
+            slow += speed < 3e-10
+        else:  # its error is 3e-4 and more there
+            assert not abs(value + 1.0) < 2e-4, (i, speed, value)
+        assert np.isnan(locus.solution(i).multipliers[0]) != told[i]
+    assert slow >= 2
+    assert saltus.verify(locus).passed

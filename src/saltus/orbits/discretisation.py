@@ -139,6 +139,17 @@ class Discretised(ABC):
             self._explicit = explicit
             self._errors, self._worst = errors, worst
 
+    @contextmanager
+    def halved_steps(self) -> Iterator[None]:
+        """Follow orbits by steps of half the length for a while: what changes is the error of the steps."""
+        held, told = self.kept(), (self._errors, self._worst, self._unsettled)
+        self._cut_at(np.delete(np.arange(self.mesh[0].size), self.mesh[1][1:] - 1))
+        try:
+            yield
+        finally:
+            self.take(held)
+            self._errors, self._worst, self._unsettled = told
+
     def kept(self) -> dict[str, Any]:
         """Return the meshes and sizes, for `take`."""
         return {name: _apart(getattr(self, name)) for name in _DISCRETISATION}
@@ -210,9 +221,13 @@ class Discretised(ABC):
 
         Meshes that are moved again and again need not settle: next to the limit of stability errors know no order.
         """
-        (places, starts), large = self.mesh, self._errors > self._meshes.FINEST
-        large[starts[1:] - 1] = False  # no step begins at a segment's end
-        cut = np.flatnonzero(large)
+        large = self._errors > self._meshes.FINEST
+        large[self.mesh[1][1:] - 1] = False  # no step begins at a segment's end
+        self._cut_at(np.flatnonzero(large))
+
+    def _cut_at(self, cut: NDArray[np.intp]) -> None:
+        """Cut in half the steps that begin at some nodes."""
+        places, starts = self.mesh
         middles = 0.5 * (places[cut] + places[cut + 1])
         self._use(np.insert(places, cut + 1, middles), starts + np.searchsorted(cut, starts))
 

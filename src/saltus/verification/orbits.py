@@ -59,7 +59,8 @@ if TYPE_CHECKING:
 
 __all__ = ["OrbitCheck"]
 
-_SPEEDLESS = "an event is met more slowly than its speed is known: the multipliers are rounding"
+_SPEEDLESS = "an event is met more slowly than another method's steps tell its speed"
+_UNKNOWN = "an event is met more slowly than its own speed is known: some multipliers are rounding"
 _PARTS = 8  # parts of a period with a derivative each
 _STEPS = 4  # steps of Newton's method from such a cycle to the equilibrium
 
@@ -78,7 +79,7 @@ class FollowedOrbit:
     multipliers: NDArray[np.complex128]  # multipliers without the trivial one
     uncertain: NDArray[np.float64]  # how far each of them may be off
     error: float  # what the flow leaves of its tolerance for each unit of growth, over the states' sizes
-    speedless: bool  # whether an event is met more slowly than its own speed is known
+    speedless: bool  # whether an event is met more slowly than such steps tell its speed
 
     @property
     def loose(self) -> float:
@@ -186,7 +187,8 @@ def _followed(orbit: PeriodicOrbit, stiff: bool) -> FollowedOrbit:
             rate = reference.field(mode, end)
             met = abs(float(gradient @ rate)) * orbit.period
             slowest = max(slowest, float(np.abs(gradient) @ sizes) / met if met > 0.0 else math.inf)
-            own[-1] = event_map(reference, mode, transition, end) @ own[-1]
+            with np.errstate(divide="ignore", invalid="ignore"):  # an event without speed has no map
+                own[-1] = event_map(reference, mode, transition, end) @ own[-1]
             end = reference.reset(transition, end)
         gaps.append(_gap(orbit, i, end))
         growth.append(max(1.0, growth_on_the_way(own, sizes)))  # the last step leaves its error as it is
@@ -266,6 +268,8 @@ def _multipliers(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
     infinite, top = np.any(np.abs(said) > VERIFIED_INFINITE), float(np.abs(found.multipliers).max(initial=0.0))
     if infinite and (found.speedless or not top < ROUGH * VERIFIED_INFINITE):
         return [unchecked("multipliers", complex(said[0]), "an event has no speed: they are infinite")]
+    if np.any(np.isnan(said)):
+        return [unchecked("multipliers", complex(said[0]), _UNKNOWN)]
     if found.speedless:
         return [unchecked("multipliers", complex(said[0]), _SPEEDLESS)]
     if not np.all(np.isfinite(found.multipliers)):
@@ -287,7 +291,7 @@ def _multiplier_rows(
         for i, (one, other, allowed) in enumerate(matched(said, found.multipliers, uncertain))
     ]
     if not np.all(np.isfinite(said)):
-        rows.append(equal("multipliers", "infinite or unknown", "finite"))
+        rows.append(equal("multipliers", "infinite", "finite"))
     if np.all(np.abs(np.abs(found.multipliers) - 1.0) > uncertain):
         rows.append(equal("stable", orbit.stable, bool(np.all(np.abs(found.multipliers) < 1.0))))
     return rows

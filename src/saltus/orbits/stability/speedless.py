@@ -1,6 +1,6 @@
 """Multipliers of an orbit that meets an event more slowly than its own speed is known.
 
-A single one is known by Liouville's theorem all the same. Several have no digits.
+A single one is known by Liouville's theorem all the same. Of several, those are told whose own error is small.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import numpy as np
 
 from saltus.orbits.maps import piece_maps
 from saltus.orbits.signature import EVENT_END, MEAN_END
-from saltus.scales import ILL_CONDITIONED, INFINITE, ROUGH, followed
+from saltus.orbits.stability.speed_errors import errors_by_speeds
+from saltus.scales import ILL_CONDITIONED, INFINITE, MULTIPLIER_LOST, ROUGH, SPEEDLESS, followed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,9 +30,9 @@ def or_unknown(
     rates: NDArray[np.float64],
     values: NDArray[np.complex128],
 ) -> NDArray[np.complex128]:
-    """Return an orbit's multipliers, NaN where an event is met more slowly than its own speed is known.
+    """Return an orbit's multipliers, NaN those that an event is met too slowly for.
 
-    The pencil is 0/0 there: the multipliers have limits on either side, and rounding in place of them. Where one of
+    Their own error is beyond `ROUGH` of them there. Where an event's speed is rounding the pencil is 0/0. Where one of
     them is infinite it is told as such. A single one is the product of all, by Liouville's theorem.
 
     Parameters
@@ -39,30 +40,36 @@ def or_unknown(
     rates : ndarray, shape (segments,)
         Lie derivative of each segment's event at its end, as a survey has it. Parameters are those of `u`.
     """
-    met = [i for i, kind in enumerate(problem.signature.kinds) if kind in (EVENT_END, MEAN_END)]
-    if not met:
+    met = np.isin(problem.kinds, (EVENT_END, MEAN_END))
+    if not met.any():
         return values
     period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
-    share = followed(problem.tol) / (period * ROUGH) if period > 0.0 else math.inf
-    slow = [i for i, rate in zip(met, rates[met].tolist(), strict=True) if not abs(rate) > share * _size(problem, u, i)]
-    if not slow:
+    least = max(followed(problem.tol) / ROUGH, SPEEDLESS)
+    with np.errstate(invalid="ignore"):
+        slowly = met & ~(np.abs(rates) * period > least * problem.event_sizes(u))
+    if not slowly.any():
+        return values
+    slow = np.flatnonzero(slowly).tolist()
+    with np.errstate(invalid="ignore"):
+        known = errors_by_speeds(problem, u, values, slow) <= _allowed(problem, values)
+    if known.all():
         return values
     single = math.nan
     if problem.n == 2 and not problem.conserving:
         single = _product(problem, u, J, slow)
     if math.isnan(single) and any(abs(value) >= INFINITE for value in values.tolist()):
         return values
-    told = np.full(values.size, complex(math.nan))
-    told[0] = single
+    told = np.where(known, values, complex(math.nan))
+    if not math.isnan(single):
+        told[0] = single
     if problem.system.phase is None:
         told[-1] = 1.0
     return told
 
 
-def _size(problem: OrbitProblem, u: NDArray[np.float64], i: int) -> float:
-    """Return how much a segment's event function varies with the states' sizes, where the next segment starts."""
-    k, start = problem.signature.transitions[i], (i + 1) % problem.segments * (problem.n + 1)
-    return problem.event_size(k, u[start : start + problem.n]) if k >= 0 else 0.0
+def _allowed(problem: OrbitProblem, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return by how much each multiplier may be wrong: a share of itself, and what the flow's error leaves of 0."""
+    return np.asarray(ROUGH * np.abs(values) + MULTIPLIER_LOST * problem.tol)
 
 
 def _product(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], slow: list[int]) -> float:
