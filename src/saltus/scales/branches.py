@@ -92,3 +92,19 @@ SHEET_ROUNDED = 1e-6
 
 # Distance from a special point at which a sheet is cut off, over the sheet's length.
 SHEET_END = 1e-5
+
+# Test function where it touches 0, over its values at the step's ends: a place found to 1e-6 of a step leaves 1e-12.
+TOUCHES_ZERO = 1e-10
+
+# What a polynomial misses of a root of a touching function, over its size: of |s^2 + d^2| that misses d over the step.
+ROOT_SMOOTH = 1e-3
+
+# Distance of a corrected point from the interpolated one, over the step, up to which it lies on the same branch.
+TOUCHING_SHARE = 0.05
+
+# Angle between directions, at radii of a factor 4, up to which they belong to one curve through a point.
+CURVES_ALIKE = 0.25
+
+# Second derivatives of a bifurcation equation, over the third ones, and roots of their form, over it, up to which they
+# tell no directions: a located point of higher order is known to some 1e-5.
+FORM_DEGENERATE = 1e-4

@@ -14,6 +14,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.core.locating import events_between
+from saltus.continuation.core.touching import touches_between
 from saltus.continuation.core.verdicts import ANGLE, DEVIATION, FOLDS, TAKEN
 from saltus.continuation.core.within_step import dips
 from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, correct
@@ -193,9 +194,11 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
         return _MISSTEPS[fault]
     new.examined = problem.examine(new, point)
     doubt = new.examined.fault or _returns(before, point, new)
-    if doubt is not None:
+    touched = doubt is not None and new.examined.fault is None
+    touches = touches_between(problem, before, point, new) if touched else []
+    if doubt is not None and not touches:
         return doubt
-    events = events_between(problem, point, new, before)
+    events = touches or events_between(problem, point, new, before)
     if isinstance(events, str):
         return events
     if h > CROWDED and problem.crowded([event.name for event in events]):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     Equations = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
-__all__ = ["branches_at", "crossing", "crossing_point"]
+__all__ = ["branches_at", "crossing", "crossing_point", "equation_sizes"]
 
 _NUDGE = 1e-6  # change of the unknowns, in their sizes, by which an equation without linear terms gets a size
 _AMPLITUDE = 1e-2  # distance from the point, in sizes of the unknowns, at which branches are sought first
@@ -38,8 +38,29 @@ _SECANTS = 12  # most interpolations between there
 
 
 def crossing(values: NDArray[np.floating[Any]]) -> int:
-    """Return how many directions cross at once at a point, of the singular values of its Jacobian, largest first."""
-    return int(np.sum(values <= SINGULAR_AT_POINT * values[0]))
+    """Return how many directions cross at once at a point, of the singular values of its Jacobian.
+
+    Its equations are of size 1. None may have linear terms there: all singular values are then rounding.
+    """
+    return int(np.sum(values <= SINGULAR_AT_POINT * max(float(values[0]), 1.0)))
+
+
+def equation_sizes(
+    evaluate: Equations, u: NDArray[np.float64], J: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the size of each equation at a located point: of its linear terms, or of their change where they vanish.
+
+    The point's error is a change of the unknowns: what is left of linear terms by that is 0.
+
+    J: Jacobian at the point, shape (n, n + 1); sizes: those of the unknowns.
+    """
+    terms = np.abs(J * sizes).max(axis=1)
+    with np.errstate(all="ignore"):
+        near = np.abs((evaluate(u + _NUDGE * sizes)[1] - J) * sizes).max(axis=1) / _NUDGE
+    near = np.where(np.isfinite(near), near, 0.0)
+    clear = terms > np.maximum(TERMS_FAINT * terms.max(), SINGULAR_AT_POINT * near)
+    terms = np.where(clear, terms, near)
+    return np.where(terms > 0.0, terms, float(terms.max()) or 1.0)
 
 
 def crossing_point(
@@ -138,10 +159,7 @@ class _Search:
     ) -> None:
         self._evaluate, self._u, self._sizes = evaluate, u, sizes
         J = evaluate(u)[1]
-        terms = np.abs(J * sizes).max(axis=1)
-        near = np.abs((evaluate(u + _NUDGE * sizes)[1] - J) * sizes).max(axis=1) / _NUDGE
-        terms = np.where(terms > TERMS_FAINT * terms.max(), terms, near)
-        self._rows = 1.0 / np.where(terms > 0.0, terms, float(terms.max()) or 1.0)
+        self._rows = 1.0 / equation_sizes(evaluate, u, J, sizes)
         left, values, right = np.linalg.svd(J * sizes * self._rows[:, None])
         self.dimension = crossing(values)
         kernel = right[-1 - self.dimension :]

@@ -40,7 +40,7 @@ class Unsolved:
 
     SINGULAR = "Newton: the equations are singular there"
     INFINITE = "Newton: the equations have no finite values there"
-    ENDLESS = "Newton: the flow cannot be followed there"
+    ENDLESS = "Newton: a step leads far away from there"
     APART = "Newton: no contraction"
     LATE = "Newton: too many iterations"
 

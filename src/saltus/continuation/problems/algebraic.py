@@ -44,6 +44,7 @@ _HB = Monitor("HB")  # product of the sums of two eigenvalues
 
 # Where several values become critical at once, products of them may keep their sign. Then one of the values itself is
 # watched: its distance from being critical, by its place among the values in the order of their growth.
+_TOUCH = Monitor("touch")  # the determinant, where it touches 0
 _ZEROS = Monitor("zeros")  # values that belong to a BP
 _FLIPS = Monitor("flips")  # values that belong to a PD
 _PAIRS = Monitor("pairs")  # complex pairs
@@ -67,6 +68,7 @@ class AlgebraicZeroProblem:
     """
 
     singular = frozenset({_BP, _ZEROS})
+    touching: ClassVar[Mapping[Monitor, Monitor]] = MappingProxyType({_BP: _TOUCH})  # may touch 0, and what it is then
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
     continuous: tuple[str, ...] = ()
@@ -274,7 +276,7 @@ class AlgebraicZeroProblem:
 
     def type_of(self, name: Monitor) -> str:
         """Return the type of the special point at a zero of a monitor function."""
-        return {_ZEROS: "BP", _FLIPS: "PD", _PAIRS: self.paired.kind}.get(name, name.kind)
+        return {_ZEROS: "BP", _TOUCH: "BP", _FLIPS: "PD", _PAIRS: self.paired.kind}.get(name, name.kind)
 
     def leading(self, names: list[Monitor]) -> list[Monitor]:
         """Return the names without those that change their sign because of others."""

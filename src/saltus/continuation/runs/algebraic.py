@@ -17,12 +17,13 @@ from saltus.continuation.core.multiple import crossing_point
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
 from saltus.continuation.problems.extents import extents
+from saltus.continuation.runs.branching import NONE_REAL, other_branches
 from saltus.continuation.runs.copies import fresh_point
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_value
 from saltus.continuation.runs.run import Asked, Going
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
-from saltus.errors import InputError, nearest
+from saltus.errors import ConvergenceError, InputError, nearest
 from saltus.scales import (
     BRANCH_POINT_NEAR,
     GROWN,
@@ -277,7 +278,10 @@ class AlgebraicRun(OneParameterRun):
         name = kind = branch.type_of(event.name)
         blunt = False  # whether Newton's method finds no fold at an SN
         count = branch.multiplicity(point.examined.data, kind)
-        if kind in ("SN", "BP") and (count == 1 or kind == "BP"):
+        if event.name.kind == "touch":
+            if self._alone(branch, half, event):
+                return None
+        elif kind in ("SN", "BP") and (count == 1 or kind == "BP"):
             if count > 1 and _meet_at_once(branch, point):
                 u = self._together(branch, half.points[-1][1] if half.points else point, point, count)
             else:
@@ -314,6 +318,17 @@ class AlgebraicRun(OneParameterRun):
         if crossing.u is None:
             return f"{self.place(point)}: {self.at_border}, {crossing.reason}"
         return self._switch(branch, crossing, point)
+
+    def _alone(self, branch: AlgebraicZeroProblem, half: OneSide, event: Event) -> bool:
+        """Return whether no other real branch meets at a point where an eigenvalue touches 0: it is no branch point."""
+        found, u = self.found("BP", branch, event, half), event.point.u.copy()
+        problem = found.solution.problem(self.name)
+        u[-1] *= self.scale
+        try:
+            other_branches(problem, u, found.tangent, self.zero_problem, branch.sizes)
+        except ConvergenceError as error:
+            return NONE_REAL in str(error)
+        return False
 
     def _same_turn(self, found: Found, point: Point) -> bool:
         """Return whether a special point found before may be the turn of the parameter at a point."""

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.algebraic.newton import state_sizes, without_rounding
+from saltus.continuation.core.germ import Germ
 from saltus.continuation.core.interest import Interest
-from saltus.continuation.core.multiple import branches_at, crossing
+from saltus.continuation.core.multiple import branches_at, crossing, equation_sizes
 from saltus.continuation.core.zero_problem import Point, correct
 from saltus.errors import ConvergenceError, InputError
-from saltus.scales import DIRECTIONS_ALIKE, EPS, TERMS_FAINT
+from saltus.scales import DIRECTIONS_ALIKE, SINGULAR_AT_POINT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,6 +28,8 @@ __all__ = ["everywhere", "other_branches", "parameter_scale", "stepped"]
 
 _SHIFTS = (1e-3, 1e-4, 1e-5, 1e-2)  # changes of the parameter by a first step, over the one that alters the Jacobian
 _ITERATIONS = 12  # most Newton steps to a first solution
+
+NONE_REAL = "no other real branch meets there: an eigenvalue touches 0"
 
 
 def everywhere(scale: float) -> Interest:
@@ -52,10 +55,46 @@ def parameter_scale(
     own, by_parameter, *rest = (
         float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change, *bend)
     )
-    own, value = max([own, *rest]), abs(float(u[n]))
-    if 0.0 < own < math.sqrt(EPS) * (even := _even(problem, u, J, sizes)):  # rounding of what is 0 there
-        own = even
-    return own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
+    bent, value = max(rest), abs(float(u[n]))
+    even = _even(problem, u, J, sizes)
+    # what is 0 there is known to the error of the point, and what is bent by as much to the root of that
+    if own < SINGULAR_AT_POINT * even and bent < math.sqrt(SINGULAR_AT_POINT) * even and own + bent > 0.0:
+        by_parameter = float(np.linalg.norm(problem.second(u, np.eye(n + 1)[n])[:, :n] * sizes / sizes[:, None]))
+        bent = even
+    own = max(own, bent)
+    scale = own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
+    return _by_change(problem, u, J, sizes, own, scale) if own > 0.0 else scale
+
+
+def _by_change(
+    problem: AlgebraicProblem,
+    u: NDArray[np.float64],
+    J: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    own: float,
+    scale: float,
+) -> float:
+    """Return a change of the parameter, or where it alters the Jacobian far too much or little that which does not.
+
+    An eigenvalue that touches 0 there does not change to first order.
+    """
+    n = problem.n
+
+    def change(by: float) -> float:
+        way = np.append(np.zeros(n), by)
+        with np.errstate(all="ignore"):
+            moved = [problem.evaluate(u + side * way)[1][:, :n] - J[:, :n] for side in (-1.0, 1.0)]
+            found = max(float(np.linalg.norm(part * sizes / sizes[:, None])) for part in moved)
+        return found if not math.isnan(found) else math.inf
+
+    if SINGULAR_AT_POINT * own <= (known := change(scale)) <= own / SINGULAR_AT_POINT or known == 0.0:
+        return scale
+    factor, far = (0.5, known > own) if known > own else (2.0, False)
+    for _ in range(300):
+        scale *= factor
+        if (change(scale) > own) != far:
+            break
+    return scale
 
 
 def _even(
@@ -104,8 +143,7 @@ def other_branches(
     problem.scales[0], u = scale, np.append(u[:n], u[n] / scale)
     J = problem.evaluate(u)[1]
     sizes = np.append(state_sizes(problem, u, J) if known is None else known, 1.0)
-    terms = np.abs(J * sizes).max(axis=1)
-    rows = 1.0 / np.where(terms > TERMS_FAINT * terms.max(), terms, terms.max() or 1.0)
+    rows = 1.0 / equation_sizes(problem.evaluate, u, J, sizes)
     left, values, right = np.linalg.svd(J * sizes * rows[:, None])
     if crossing(values) > 1:
         own = np.append(tangent[:n], tangent[n] / scale)
@@ -115,14 +153,22 @@ def other_branches(
     first, second = right[-1] * sizes, right[-2] * sizes
     bend = [w @ problem.second(u, v) for v in (first, second)]
     a, b, c = float(bend[0] @ first), float(bend[0] @ second), float(bend[1] @ second)
+    along = np.append(tangent[:n], tangent[n] / scale)
+    ways = np.abs(along[:n]) / sizes[:n]
+    # how far the parameter goes where the unknowns along the branch move by their sizes
+    reach = min(1.0, abs(float(along[n])) / float(ways.max())) if np.any(ways > 0.0) else 1.0
+    germ = Germ(problem.evaluate, u, np.append(sizes[:n], reach or 1.0), along)
+    if germ.degenerates(
+        lambda v, other: problem.second(u, v) @ other, lambda *ways: problem.third(u, *(way[:n].copy() for way in ways))
+    ):
+        return _by_circles(germ, sizes)
     far = -(b + math.copysign(math.sqrt(max(b * b - a * c, 0.0)), b))
     directions = [x * first + y * second for x, y in ((far, a), (c, far)) if (x, y) != (0.0, 0.0)]
     own = np.append(tangent[:n], tangent[n] / scale) / sizes
     likeness = [abs(float(own @ (d / sizes))) / float(np.linalg.norm(own) * np.linalg.norm(d / sizes))
                 for d in directions]  # fmt: skip
     if not likeness or min(likeness) > 1.0 - DIRECTIONS_ALIKE:
-        hint = "to second order both branches leave in the same direction"
-        raise ConvergenceError("other branch", 0.0, 0, hint)
+        return _by_circles(germ, sizes)
     chosen = directions[int(np.argmin(likeness))]
     chosen = chosen / float(np.linalg.norm(chosen / sizes))
     third = w @ problem.third(u, *(3 * [chosen[:n].copy()]))
@@ -139,6 +185,14 @@ def other_branches(
             return [(found, np.maximum(sizes[:n], np.abs(found[:n])))]
         reason = found
     raise ConvergenceError("other branch", _SHIFTS[0], len(_SHIFTS), reason)
+
+
+def _by_circles(germ: Germ, sizes: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return what `other_branches` does where the bifurcation equation has no two directions to second order."""
+    found = germ.curves("other branch")
+    if not found:
+        raise ConvergenceError("other branch", 0.0, 0, NONE_REAL)
+    return [(v, np.maximum(sizes[:-1], np.abs(v[:-1]))) for v in found]
 
 
 def stepped(
