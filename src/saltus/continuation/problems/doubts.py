@@ -14,6 +14,7 @@ import numpy as np
 from saltus.continuation.core.value_tests import bounded, circle_tests
 from saltus.continuation.core.within_step import ASIDE, Spectrum, several_critical, steady
 from saltus.continuation.core.zero_problem import hermite
+from saltus.continuation.problems.other_values import GOALS
 from saltus.scales import CONFIRMED, CROWDED
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ __all__ = ["DOUBT", "in_order", "passing", "search_between"]
 
 DOUBT = "events: multipliers may become critical and come back within the step"
 _PARTS = 8  # parts of a step that are looked at before it is taken back
-_PLACES = {"SN": 1.0, "PD": -1.0}  # where a real multiplier is critical
 
 
 def search_between(
@@ -83,7 +83,7 @@ def passing(problem: OrbitProblem, kind: str, before: Point, after: Point) -> in
     old, new = ([] if (data := end.examined.data) is None else data.followed for end in (before, after))
     if len(old) != len(new):
         return None
-    at = _PLACES[kind]
+    at = GOALS[kind]
     real = [i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a.imag == b.imag == 0.0]
     past = [i for i in real if (old[i].real - at) * (new[i].real - at) < 0.0]
     return past[0] if len(past) == 1 else None
@@ -95,7 +95,7 @@ def in_order(problem: OrbitProblem, events: list[Event], before: Point, after: P
     Next to a homoclinic orbit they are nearer to each other than rounding tells, and multipliers there are rounding.
     Their points are then exchanged, and the multiplier that passes is told to be at its critical place.
     """
-    simple = {event.name.kind: event for event in events if event.name.kind in _PLACES}
+    simple = {event.name.kind: event for event in events if event.name.kind in ("SN", "PD")}
     index = {kind: i for kind in simple if (i := passing(problem, kind, before, after)) is not None}
     passes = {kind: simple[kind] for kind in index}
     if len(passes) == 2 and index["SN"] == index["PD"]:
@@ -104,7 +104,7 @@ def in_order(problem: OrbitProblem, events: list[Event], before: Point, after: P
         if fold.point.arc != doubling.point.arc and (fold.point.arc < doubling.point.arc) != falls:
             passes = {"SN": replace(fold, point=doubling.point), "PD": replace(doubling, point=fold.point)}
     for kind, event in passes.items():
-        _settle(event.point, index[kind], _PLACES[kind])
+        _settle(event.point, index[kind], GOALS[kind])
     kept = [passes.get(event.name.kind, event) for event in events]
     return sorted(kept, key=lambda event: event.point.arc)
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     _Spectrum = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
 
 __all__ = [
+    "GOALS",
     "KIND",
     "SEVERAL",
     "OtherValues",
@@ -44,7 +45,7 @@ __all__ = [
 ]
 
 SEVERAL = "events: other values become critical at more than one place within the step"
-_GOALS = {"SN": 1.0, "PD": -1.0, "BP": 1.0}  # the critical multiplier on a locus
+GOALS = {"SN": 1.0, "PD": -1.0, "BP": 1.0}  # the critical multiplier on a locus
 # types of the points at which another multiplier becomes critical on a locus; other test functions tell of the rest
 _TYPES = {
     "SN": {"fold": "SNSN", "pair": "FNS"},
@@ -84,7 +85,7 @@ def without_critical(kind: str, values: NDArray[np.complex128], cosine: float) -
         known = bounded(values)
         away = np.abs(np.abs(known) - 1.0) + np.abs(known.real - cosine)
         return np.delete(values, critical_pair(known, away, lambda one, other: abs(one * other - 1.0)))
-    return without_nearest(values, _GOALS[kind]) if kind in _GOALS else values
+    return without_nearest(values, GOALS[kind]) if kind in GOALS else values
 
 
 def without_nearest(values: NDArray[np.complex128], goal: float) -> NDArray[np.complex128]:
