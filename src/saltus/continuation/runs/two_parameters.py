@@ -79,7 +79,7 @@ class TwoParameterRun(Run):
     @classmethod
     def points(cls) -> tuple[str, ...]:
         """Return the types of special points that `stop_at` may name: those of codimension two first."""
-        own = cls.types()
+        own = [name for name, locus in cls.loci.items() if name == locus]
         return (*(name for name in cls.loci if name not in own), "TP", *own)
 
     @classmethod
