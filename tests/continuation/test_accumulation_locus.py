@@ -11,7 +11,14 @@ import saltus
 from preloaded_mass import PRELOADED, Mass, above
 from selection import guarding
 
-UNITS = [(1.0, 1.0), (1e-9, 1.0), (1e9, 1e-9), (1e-9, 1e9)]  # preload, frequency of the drive
+CLOSE = 1e-11  # of a force
+UNITS = [(1.0, 1.0), (1e-9, 1.0), (1e9, 1e3), (1e-9, 1e9)]  # preload, frequency of the drive
+
+
+def stops_resting(force: float, e: float) -> bool:
+    """Return whether exact flights come to rest a little below a force, over the preload, and not a little above it."""
+    mass = Mass(e, 1.0, 1.0)
+    return mass.rests(force * (1.0 - CLOSE)) and not mass.rests(force * (1.0 + CLOSE))
 
 
 @cache
@@ -32,17 +39,16 @@ def test_along_the_locus_motions_of_exact_flights_stop_resting(rests: bool, p: f
     assert locus.admissible.all()
     assert not locus.audit.breaches, locus.audit
     for i in (0, -1):
-        force, e = locus.values[i] / [p, 1.0]
-        assert Mass(e, 1.0, 1.0).accumulates_at(0.999 * force, 1.001 * force) == pytest.approx(force, rel=1e-11)
+        assert stops_resting(*(locus.values[i] / [p, 1.0]))
 
 
 @pytest.mark.campaign
 def test_the_locus_is_right_from_hard_to_soft_impacts() -> None:
-    locus = saltus.continue_locus(located(Mass(0.2, 1.0, 1.0))["CH1"], ("F", "e"), {"F": (1.2, 3.5), "e": (0.05, 0.7)})
+    locus = saltus.continue_locus(located(Mass(0.2, 1.0, 1.0))["CH1"], ("F", "e"), {"F": (1.2, 3.5), "e": (0.05, 0.45)})
     assert all("bound reached" in reason for reason in locus.stopped)
     assert not locus.special_points
     for force, e in locus.values[:: len(locus) // 12]:
-        assert Mass(e, 1.0, 1.0).accumulates_at(0.999 * force, 1.001 * force) == pytest.approx(force, rel=1e-11)
+        assert stops_resting(force, e)
     assert np.all(np.diff(locus.column("e")) > 0.0)
 
 
@@ -64,6 +70,7 @@ def test_a_locus_starts_at_a_point_of_a_locus_and_at_an_orbit_with_the_type() ->
         assert other.values[[0, -1]] == pytest.approx(locus.values[[0, -1]], rel=1e-11)
 
 
+@pytest.mark.campaign
 def test_a_locus_of_accumulations_is_saved_verified_and_drawn(tmp_path) -> None:
     start = located(Mass(0.2, 1.0, 1.0))["CH1"]
     locus = saltus.continue_locus(start, ("F", "e"), {"F": (1.2, 3.5), "e": (0.19, 0.21)})
