@@ -80,7 +80,8 @@ def test_a_locus_of_accumulations_is_saved_verified_and_drawn(tmp_path) -> None:
     checked = saltus.verify(read, points=3)
     assert checked.passed, checked
     labels = [line.get_label() for line in read.plot().lines]
-    assert any("accumulation of hits" in label for label in labels)
+    assert labels[0] == "CH, accumulation of hits"
+    assert not any("unstable" in label for label in labels)  # which side an orbit is on is not told there
     assert "CH locus" in repr(read)
 
 

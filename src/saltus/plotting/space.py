@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.core.point_types import CHANGES
+from saltus.continuation.core.point_types import ACCUMULATION, CHANGES
 from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.parameters import OneParameter, TwoParameters
 from saltus.continuation.results.special_points import SpecialPoint
@@ -125,10 +125,10 @@ def _column(locus: TwoParameters[Any], name: str) -> NDArray[np.float64]:
 
 
 def _kind(locus: TwoParameters[Any], index: int) -> str:
-    """Return the kind of a point; a GR locus, whose multipliers are infinite, counts as stable."""
+    """Return the kind of a point; a locus at which orbits change, whose multipliers tell of no side, counts as stable."""
     if not locus.sound[index]:
         return locus.fault
-    return "stable" if locus.stable[index] or locus.type in CHANGES else "unstable"
+    return "stable" if locus.stable[index] or locus.type in (*CHANGES, ACCUMULATION) else "unstable"
 
 
 def _kinds_between(nodes: list[str]) -> list[str]:
