@@ -125,7 +125,7 @@ def _column(locus: TwoParameters[Any], name: str) -> NDArray[np.float64]:
 
 
 def _kind(locus: TwoParameters[Any], index: int) -> str:
-    """Return the kind of a point; a locus at which orbits change, whose multipliers tell of no side, counts as stable."""
+    """Return the kind of a point; one at which orbits change, and multipliers tell of no side, counts as stable."""
     if not locus.sound[index]:
         return locus.fault
     return "stable" if locus.stable[index] or locus.type in (*CHANGES, ACCUMULATION) else "unstable"
