@@ -13,6 +13,7 @@ from oracles.closed_forms import ImpactOrbit
 from oracles.tapping import Tapping, central_jacobian
 from saltus import HybridSystem, Mode, Transition, solve_orbit
 from saltus.afm import table1, tapping_mode
+from saltus.orbits.stability import floquet
 
 GUESSES = {
     (1, 0.95): [-0.26936714, 0.82217769],
@@ -157,3 +158,9 @@ def test_a_rest_at_0_of_states_in_unlike_units_has_the_multipliers_of_its_map(se
     exact = np.linalg.eigvals(like)
     assert np.sort(np.abs(orbit.multipliers[:3])) == pytest.approx(np.sort(np.abs(exact)), rel=1e-6)
     assert not orbit.stable
+
+
+def test_a_pencil_that_is_no_number_has_no_multipliers():
+    values = floquet._eigenvalues(np.array([[1.0, np.nan], [0.0, 1.0]]), np.eye(2))
+    assert values.shape == (2,)
+    assert np.isnan(values).all()

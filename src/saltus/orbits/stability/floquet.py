@@ -311,6 +311,8 @@ def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.c
     """
     from scipy.linalg.lapack import dgebal, dggev
 
+    if not (np.isfinite(P).all() and np.isfinite(R).all()):
+        return np.full(len(P), np.nan + 0j)
     if not P.size:
         return np.empty(0, dtype=np.complex128)
     units = dgebal(np.abs(P) + np.abs(R), scale=1, permute=0)[3]  # powers of two

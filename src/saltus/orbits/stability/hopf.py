@@ -43,9 +43,11 @@ class HopfPoint:
 
 
 def solve_hopf(
-    problem: OrbitProblem, state: NDArray[np.float64], parameter: float, frequency: float
+    problem: OrbitProblem, state: NDArray[np.float64], parameter: float, frequency: float, reach: float
 ) -> HopfPoint | None:
     """Return the Hopf point near a guess, by Newton's method on f = 0 and Re lambda = 0; None where there is none.
+
+    An equilibrium far outside the cycle is not the one to which the cycle shrinks. Fields may overflow there.
 
     Parameters
     ----------
@@ -57,6 +59,8 @@ def solve_hopf(
         Guess of the active parameter, in its unit.
     frequency : float
         Guess of the pair's imaginary part, in radians per unit of time.
+    reach : float
+        Distance from `state`, over the states' sizes, beyond which the search ends.
     """
     n = problem.n
     sizes = np.append(problem.state_scale, 1.0)
@@ -80,7 +84,7 @@ def solve_hopf(
         except np.linalg.LinAlgError:
             return None
         y = y + step
-        if not np.all(np.abs(step) < 1e6):
+        if not np.max(np.abs((sizes * y)[:n] - state) / problem.state_scale) < reach:
             return None
         if np.max(np.abs(step)) < NEWTON_AT_ROUNDING * max(1.0, float(np.abs(y).max())):
             eigenvalues = _linearised(problem, sizes * y, frequency)[1]

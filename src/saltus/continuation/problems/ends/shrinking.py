@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["Landed", "Shrunk", "at_rest", "centre_ahead", "equilibrium_ahead", "on_boundary_ahead", "shrunk_to"]
 
 _ON_BOUNDARY = "the cycle shrinks to a boundary equilibrium"
-_WITHIN = 5.0  # steps, of the last one's length, to the extrapolated zero of the amplitude, within which it is sought
+# steps, of the last one's length, to the extrapolated zero of the amplitude, within which it is sought;
+# amplitudes of the last cycle from its centre, within which an equilibrium is sought
+_WITHIN = 5.0
 _AFAR = 100.0  # the same for a small cycle round 0: its size is the unit of its steps, and these shrink with it
 
 
@@ -50,7 +52,7 @@ def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> 
     if seen is None:
         return None
     value = point.parameter + (point.parameter - before.parameter) * seen.ahead
-    found = solve_hopf(problem, seen.centre, value, seen.frequency)
+    found = solve_hopf(problem, seen.centre, value, seen.frequency, _WITHIN * seen.near)
     if found is None or not seen.agrees(problem, found) or not _keeps_stability(point, found.multipliers):
         return None
     if abs(found.parameter - value) > seen.share * abs(value - point.parameter) + ONE_VALUE * max(1.0, abs(value)):
@@ -219,7 +221,7 @@ def centre_ahead(
     if family:
         found = solve_centre(problem, seen.centre, seen.frequency)
     else:
-        found = solve_hopf(problem, seen.centre, further, seen.frequency)
+        found = solve_hopf(problem, seen.centre, further, seen.frequency, _WITHIN * seen.near)
     if found is None or not seen.agrees(problem, found):
         return None
     if not family and not _keeps_stability(point, found.multipliers):
