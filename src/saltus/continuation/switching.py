@@ -28,6 +28,7 @@ from saltus.equilibria import Equilibrium
 from saltus.errors import ConvergenceError, InputError
 from saltus.maps import MapOrbit
 from saltus.orbits.cuts import whole
+from saltus.orbits.find import once_round
 from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
@@ -79,11 +80,12 @@ def switch_branch(point: SpecialPoint[Any], which: int = 0, *, to: type[Solution
     -------
     PeriodicOrbit, Equilibrium or MapOrbit
         At a PD an orbit of doubled period, at a BP an orbit of the other branch. Both lie a short step from the point
-        and have their own value of the parameter. At a GR the grazing orbit itself in a neighbouring signature: the
-        second of `grazing_orbits`. `continue_orbit` follows the branch through the orbit. At an HB of equilibria a
-        small cycle, at an HB or BE of cycles the equilibrium. At a BE of equilibria a small cycle that crosses the
-        surface or slides along it. At a BC where an equilibrium meets an event of the cycle this equilibrium. At a BP
-        of equilibria an equilibrium of the other branch, for `continue_equilibrium`.
+        and have their own value of the parameter. Where the period halves the orbit is one of the single period. At a
+        GR the grazing orbit itself in a neighbouring signature: the second of `grazing_orbits`. `continue_orbit`
+        follows the branch through the orbit. At an HB of equilibria a small cycle, at an HB or BE of cycles the
+        equilibrium. At a BE of equilibria a small cycle that crosses the surface or slides along it. At a BC where an
+        equilibrium meets an event of the cycle this equilibrium. At a BP of equilibria an equilibrium of the other
+        branch, for `continue_equilibrium`.
 
     Raises
     ------
@@ -166,7 +168,7 @@ def _(solution: PeriodicOrbit, point: SpecialPoint[Any]) -> list[Any]:
     if point.type == "PD":
         return [doubled_orbit(point)]
     if point.type == "BP":
-        return [_other(point)]
+        return [once_round(_other(point))]
     raise InputError("point", point.type, "of type PD, BP, GR, HB or BE", "no other branch meets there")
 
 
@@ -295,7 +297,7 @@ def _beside(
     if point.tangent is None:
         raise InputError("point", point.label, "a branch point of a branch", "one of a locus has no branch of its own")
     units = np.append(np.tile(np.append(problem.state_scale, orbit.period), problem.segments), 1.0)
-    own = point.tangent / units
+    own = np.append(point.tangent[:-1], point.tangent[-1] / scale) / units
     own /= np.linalg.norm(own)
     likeness = [abs(float(own @ (d / units))) / float(np.linalg.norm(d / units)) for d in directions]
     if min(likeness) > 1.0 - DIRECTIONS_ALIKE:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from saltus.checks.states import StateLike
     from saltus.flow.event_logs import EventLog
 
-__all__ = ["find_orbit", "orbit_near"]
+__all__ = ["find_orbit", "once_round", "orbit_near"]
 
 _LONGEST = 16  # periods, or cycles of events, of the longest orbit that is looked for
 _STEPS = 1000  # steps allowed for each period or return
@@ -247,9 +247,7 @@ def _search_forced(
             recurrence = min(recurrence, gap)
             if gap < RECURS:
                 try:
-                    orbit = _once_round(
-                        system, converge(system, *_read_forced(log, wraps, turns, system.turn), p, tol), p, tol
-                    )
+                    orbit = once_round(converge(system, *_read_forced(log, wraps, turns, system.turn), p, tol))
                 except DefinitionError:
                     raise
                 except SaltusError as error:
@@ -297,12 +295,12 @@ def _why_not(orbit: PeriodicOrbit) -> str:
     return far if orbit.stable else "the orbit near the motion is not stable"
 
 
-def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64], tol: float) -> PeriodicOrbit:
-    """Return an orbit once round, where it was found as several rounds of a shorter one."""
-    if orbit.form.turns == 1:
+def once_round(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """Return the shortest orbit that an orbit goes round, itself where that is once."""
+    once = None if orbit.form.turns == 1 else shortest(orbit.problem(), orbit.unknowns)[1]
+    if once is None:
         return orbit
-    once = shortest(orbit.problem(), orbit.unknowns)[1]
-    return orbit if once is None else converge(system, *once, p, tol)
+    return converge(orbit.system, *once, orbit.system.parameter_vector(orbit.parameters), orbit.tolerance)
 
 
 def _read_forced(
@@ -357,7 +355,7 @@ def _search_autonomous(
             recurrence = min(recurrence, gap)
             if gap < RECURS:
                 try:
-                    orbit = _once_round(system, converge(system, signature, u, p, tol), p, tol)
+                    orbit = once_round(converge(system, signature, u, p, tol))
                 except DefinitionError:
                     raise
                 except SaltusError as error:

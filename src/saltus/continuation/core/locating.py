@@ -79,6 +79,13 @@ def _located(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb:
     return None
 
 
+def _on_curve(problem: ZeroProblem, event: Event, slope: NDArray[np.float64]) -> Event:
+    """Return an event with the slope of the curve where the equations leave the tangent open."""
+    if event.name in problem.singular:
+        event.point.tangent = slope
+    return event
+
+
 def _lies_between(point: Point, a: Point, b: Point) -> bool:
     """Return whether a point is no farther from the nearer end of a step than that is long.
 
@@ -220,7 +227,7 @@ def locate(
             point.examined = problem.examine(point, None)
             moved = float(np.max(np.abs(before - point.u) / scale))
             if moved <= 1e-12:
-                return Event(name, point, f)
+                return _on_curve(problem, Event(name, point, f), tangent)
             aside = max(1e-3, _FARTHER * moved / length)  # solved more exactly, the zero lies elsewhere
             low, high, known = max(0.0, s - aside), min(1.0, s + aside), [(0.0, fa), (1.0, fb)]
             continue

@@ -121,8 +121,7 @@ def _between(
     low, high = extent(first), extent(last)
     sizes = np.maximum(np.abs(low), np.abs(high))
     sizes = np.maximum(sizes, max(RESTING * float(sizes.max()), 1e-300))
-    reach = float(np.linalg.norm((high - low) / sizes)) + GUESS_MISSES
-    best, least = None, reach + GUESS_MISSES_BESIDE
+    best, least = None, float(np.linalg.norm((high - low) / sizes)) + GUESS_MISSES_BESIDE
     failed: list[ConvergenceError] = []
     apart: list[float] = []
     for attempt in attempts(first, last, share):
@@ -131,8 +130,11 @@ def _between(
         except ConvergenceError as error:
             failed.append(error)  # the next guess may be nearer; where none is, this is told below
             continue
-        away = float(np.linalg.norm((extent(solution) - low - share * (high - low)) / sizes))
-        if away <= reach:
+        own = extent(solution)
+        away, *beside = (
+            float(np.linalg.norm((own - other) / sizes)) for other in (low + share * (high - low), low, high)
+        )
+        if away <= max(GUESS_MISSES, min(beside)):  # what lies on another branch may be nearer to a neighbour
             return solution
         apart.append(away)
         if away < least:
@@ -155,21 +157,30 @@ class Node(NamedTuple):
     value: float
     which: int  # which point or special point it is
     is_special: bool  # whether it is a special point
-    turns: bool  # whether the parameter turns there
+    slope: float  # of the parameter by arclength at a special point: 0 where it turns; NaN where it is not known
+
+    def turns(self, other: Node) -> bool:
+        """Return whether the parameter turns here: its slope is less than half of that of the chord to a neighbour."""
+        return 2.0 * abs(self.slope * (other.arclength - self.arclength)) < abs(other.value - self.value)
 
 
 def _crossings(curve: OneParameterCurve[Solved], value: float) -> Iterator[tuple[Node, Node, float]]:
     """Yield neighbours before and after each place where a branch takes a value, and the share of the way between them.
 
-    Next to a turn the parameter grows like the square of the way; elsewhere it is taken to be linear. Where a node has
-    the value itself, it is both of them, and the share is 0. So it is with an end that misses the value by rounding.
+    Next to a turn the parameter grows like the square of the way; elsewhere it is a parabola. Where a node has the
+    value itself, it is both of them, and the share is 0. So it is with an end that misses the value by rounding.
     """
     arclength, values = curve.arclength.tolist(), curve.values.tolist()
-    nodes = [Node(arc, v, i, False, False) for i, (arc, v) in enumerate(zip(arclength, values, strict=True))]
+    nodes = [Node(arc, v, i, False, math.nan) for i, (arc, v) in enumerate(zip(arclength, values, strict=True))]
     for i, special in enumerate(curve.special_points):
-        if np.abs(curve.arclength - special.arclength).min() > POINT_OF_BRANCH:
-            turns = special.type in ("SN", "TP")
-            nodes.append(Node(special.arclength, special.value(curve.parameter), i, True, turns))
+        slope = 0.0 if special.type in ("SN", "TP") else math.nan
+        if special.type == "BP" and special.tangent is not None:  # at the vertex of a fork it turns
+            slope = float(special.tangent[-1])
+        nearest = int(np.abs(curve.arclength - special.arclength).argmin())
+        if abs(arclength[nearest] - special.arclength) > POINT_OF_BRANCH:
+            nodes.append(Node(special.arclength, special.value(curve.parameter), i, True, slope))
+        else:
+            nodes[nearest] = nodes[nearest]._replace(slope=slope)
     nodes.sort()
     short = [
         end
@@ -183,8 +194,32 @@ def _crossings(curve: OneParameterCurve[Solved], value: float) -> Iterator[tuple
         a = nodes[at - 1]
         if at > 0 and (a.value - value) * (b.value - value) < 0.0:
             share = (value - a.value) / (b.value - a.value)
-            if a.turns:
+            if a.turns(b):
                 share = math.sqrt(share)
-            elif b.turns:
+            elif b.turns(a):
                 share = 1.0 - math.sqrt(1.0 - share)
+            else:
+                share = _curved(a, b, nodes[max(at - 2, 0) : at - 1] + nodes[at + 1 : at + 2], share)
             yield a, b, share
+
+
+def _curved(a: Node, b: Node, others: list[Node], share: float) -> float:
+    """Return the share of the way by the parabola through the nearest other node, where that is monotone.
+
+    others : list of Node
+        Those before and behind.
+    share : float
+        That of the straight line.
+    """
+    width, rise = b.arclength - a.arclength, b.value - a.value
+    third = min(others, key=lambda node: abs(node.arclength - 0.5 * (a.arclength + b.arclength)), default=None)
+    if third is None:
+        return share
+    x, y = (third.arclength - a.arclength) / width, (third.value - a.value) / rise
+    if min(abs(x), abs(x - 1.0)) <= POINT_OF_BRANCH:
+        return share
+    bend = (y - x) / (x * (x - 1.0))  # value = x + bend x (x - 1)
+    if not abs(bend) < 1.0:
+        return share
+    slope = 1.0 - bend
+    return 2.0 * share / (slope + math.sqrt(slope**2 + 4.0 * bend * share))

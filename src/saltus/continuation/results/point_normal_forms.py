@@ -18,8 +18,10 @@ from saltus.equilibria.normal_forms import (
 )
 from saltus.errors import InputError, SaltusError
 from saltus.maps import MapOrbit
+from saltus.maps.halves import half_of
 from saltus.maps.normal_forms import map_normal_form
 from saltus.orbits import PeriodicOrbit
+from saltus.orbits.find import once_round
 from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form
 
 if TYPE_CHECKING:
@@ -87,13 +89,31 @@ def normal_form_at(solution: Any, point: Critical) -> NormalForm | EquilibriumNo
         The point.
     """
     if not any(isinstance(solution, kind) and point.type in types for kind, types in _OWN.items()):
-        return NoNormalForm(point.type, _reason(point.type))
+        return NoNormalForm(point.type, _doubling(solution, point) or _reason(point.type))
     try:
         return _form_at(solution, point)
     except SaltusError as error:
         return NoNormalForm(point.type, str(error), expected=False)
     except np.linalg.LinAlgError as error:
         return NoNormalForm(point.type, f"the equations are singular there: {error}", expected=False)
+
+
+def _doubling(solution: Any, point: Critical) -> str:
+    """Return what doubles its period at a BP; an empty text where no orbit does, or its normal form is unknown."""
+    if point.type != "BP":
+        return ""
+    single: Any = None
+    if isinstance(solution, MapOrbit):
+        single = half_of(solution)
+    elif isinstance(solution, PeriodicOrbit) and solution.rounds == 2:
+        single = once_round(solution)
+    if single is None:
+        return ""
+    form = normal_form_at(single, point._replace(type="PD"))
+    if not isinstance(form, NormalForm):
+        return ""
+    doubling = f"the orbit of half the period doubles there ({form.criticality}, coefficient {form.coefficient:.6g})"
+    return f"{doubling}; switch_branch(point) goes to the other branch"
 
 
 # Types with a normal form, by the class of the solution. An HB of orbits is that of the equilibrium they shrink to.

@@ -9,10 +9,10 @@ from saltus.continuation.problems.map import MapZeroProblem
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.branching import everywhere, other_branches, parameter_scale, stepped
 from saltus.errors import ConvergenceError, InputError
+from saltus.maps.halves import half_of
 from saltus.maps.normal_forms import null_vectors
 from saltus.maps.orbit import MapOrbit
 from saltus.maps.solve import sizes_of
-from saltus.system.angles import wrapped
 
 __all__ = ["doubled_map_orbit", "other_orbits"]
 
@@ -36,31 +36,12 @@ def other_orbits(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
     orbit, name = point.map_orbit, point.varied[-1]
     problem = orbit.problem(name)
     u = np.append(orbit.points.ravel(), orbit.parameters[name])
-    if problem.period % 2 == 0 and point.tangent is not None:
-        half = problem.n // 2
-        apart = wrapped(u[:half] - u[half:-1], problem.circles[problem.circles < half])
-        if np.allclose(apart, 0.0, rtol=0.0, atol=1e-5 * float(np.abs(u[:-1]).max())):
-            return [_single(orbit)]
+    if point.tangent is not None and (half := half_of(orbit)) is not None:
+        return [half]
     return [
         MapOrbit.from_unknowns(problem, *found)
         for found in other_branches(problem, u, point.tangent, MapZeroProblem, point.scale)
     ]
-
-
-def _single(orbit: MapOrbit) -> MapOrbit:
-    """Return the orbit of half the period at the point to which a doubled one has shrunk."""
-    half = orbit.period // 2
-    first, places = orbit.points[:half], orbit.system.angle_places
-    again = orbit.points[half:].copy()
-    again[:, places] = (first + wrapped(again - first, places))[:, places]
-    points = 0.5 * (first + again)
-    names = orbit.system.piece_names
-    problem = orbit.problem().along(tuple(names.index(name) for name in orbit.itinerary[:half]))
-    u = points.ravel()
-    for _ in range(3):
-        F, J = problem.evaluate(u)
-        u = u - np.linalg.solve(J, F)
-    return MapOrbit.from_unknowns(problem, u, sizes_of(problem, u))
 
 
 def doubled_orbits(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:

@@ -127,9 +127,9 @@ class OrbitRun(OneParameterRun):
         """See `Run.last`."""
         return lambda: self.orbit_of(piece, point)
 
-    def halved(self, branch: OrbitZeroProblem, point: Point) -> Point | None:
+    def halved(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> Point | None:
         """Return a branch point at which the period halves, located; None where it does not halve."""
-        return halved(branch, point)
+        return halved(branch, point, half.points)
 
     def sharpened(self, branch: OrbitZeroProblem, point: Point) -> Point:
         """Return a branch point located by equations that are regular there."""
@@ -215,7 +215,7 @@ class OrbitRun(OneParameterRun):
             return again
         if (added := self._excursion_ends(half)) is not None:
             return added
-        if (birth := self.halved(piece, last)) is not None:  # next to a rest signs of folds are rounding
+        if (birth := self.halved(half, piece, last)) is not None:  # next to a rest signs of folds are rounding
             half.specials.append(self.found("BP", piece, Event(Monitor("BP"), birth, 0.0), half))
             return self.ends(half, piece, birth, "the period halves")
         if half.points and (landed := on_boundary_ahead(half.points)) is not None:
@@ -328,7 +328,7 @@ class OrbitRun(OneParameterRun):
             return f"{self.place(point)}: {event.name} vanishes, but {point.examined.fault}"
         name = "GR" if at_grazing(event.name) else type_of(event.name)
         changes = name == "GR"
-        if name == "BP" and (birth := self.halved(branch, point)) is not None:
+        if name == "BP" and (birth := self.halved(half, branch, point)) is not None:
             half.specials.append(self.found(name, branch, replace(event, point=birth), half))
             return self.ends(half, branch, birth, "the period halves")
         if not changes:
@@ -428,10 +428,8 @@ class OrbitRun(OneParameterRun):
         elif name == "TR":
             value = distance_from_circle(multipliers)
         tangent = None
-        if name == "BP":  # it is undetermined at the point itself: the last point's is taken
-            last = half.points[-1][1] if half.points else point
-            tangent = (last if last.u.size == point.u.size else point).tangent
-            tangent = np.append(tangent[: branch.problem.size], tangent[-1])
+        if name == "BP":
+            tangent = np.append(point.tangent[: branch.problem.size], self.scale * point.tangent[-1])
         return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)
 
 

@@ -102,7 +102,7 @@ class QuantityRun(OrbitRun):
         found = orbit_at(branch.problem, u, branch.own(point.J), data.survey, data.told, fixed)
         return replace(found, tolerance=data.tolerance)
 
-    def halved(self, branch: OrbitZeroProblem, point: Point) -> Point | None:
+    def halved(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> Point | None:
         """Return None: where the period halves along a quantity is not located."""
         return None
 
