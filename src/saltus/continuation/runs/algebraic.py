@@ -22,6 +22,7 @@ from saltus.continuation.runs.copies import fresh_point
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_value
 from saltus.continuation.runs.run import Asked, Going
+from saltus.continuation.runs.sizes import algebraic_sizes_ahead
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
 from saltus.errors import ConvergenceError, InputError, nearest
 from saltus.scales import (
@@ -184,6 +185,7 @@ class AlgebraicRun(OneParameterRun):
         problem.scales[0] = self.scale
         u = np.append(self.solution.unknowns, self.start_value(self.solution.parameters))
         branch = self.equations(problem, u)
+        branch.sizes = algebraic_sizes_ahead(partial(self.equations, problem), branch, u, self.control.largest)
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -46,6 +47,7 @@ from saltus.continuation.runs.options import read_events
 from saltus.continuation.runs.pieces import in_more_pieces
 from saltus.continuation.runs.run import Going
 from saltus.continuation.runs.seen import seen_beyond
+from saltus.continuation.runs.sizes import orbit_sizes_ahead
 from saltus.continuation.runs.to_homoclinic import end_unbounded
 from saltus.continuation.runs.two_sided import Found, OneSide
 from saltus.errors import InputError
@@ -110,8 +112,10 @@ class OrbitRun(OneParameterRun):
 
     def first(self) -> tuple[OrbitZeroProblem, NDArray[np.float64]]:
         """Return equations and unknowns of the orbit at which the branch starts."""
-        u = np.append(self.solution.unknowns, self.start_value(self.solution.parameters))
-        return self.equations(self.solution.form, u), u
+        u, form = np.append(self.solution.unknowns, self.start_value(self.solution.parameters)), self.solution.form
+        branch = self.equations(form, u)
+        sizes = orbit_sizes_ahead(partial(self.equations, form), branch, u, self.control.largest)
+        return branch if sizes is None else self.equations(form, u, sizes), u
 
     def start(self, branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Point:
         """Return the first point of the branch."""

@@ -1,28 +1,40 @@
-"""Sizes of states that rest at 0 at a special point, as in an invariant plane, by which another branch is reached.
+"""Sizes of states that rest at 0 at a special point, as in an invariant plane, or that are small beside it.
 
 docs/theory/loci.md, "Other branches", explains them.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
+from saltus.continuation.core.zero_problem import correct
 from saltus.errors import ConvergenceError
-from saltus.scales import ONE_VALUE, SOLUTION_APART
+from saltus.orbits.resting import kept_at_zero
+from saltus.scales import FARTHER, ONE_VALUE, SOLUTION_APART
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["other_than", "upwards"]
+    from saltus.continuation.core.zero_problem import ZeroProblem
+    from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
+    from saltus.continuation.problems.orbit import OrbitZeroProblem
+
+__all__ = ["algebraic_sizes_ahead", "orbit_sizes_ahead", "other_than", "upwards"]
 
 _GUESSES = tuple(
     10.0**k for k in (0, 3, 6, 9, 12, 15, 18, -3, -6, -9, -12, -15, -18)
 )  # size of a state at rest, over the largest, in turn
 
+_FARTHEST = 32  # times that a branch is looked at farther from a rest; where it has not bent by then, it never does
+_NEAREST = 3  # the same nearer to it: sizes shrink to a hundredth by themselves
+_ITERATIONS = 10  # most Newton steps to such a solution
+
 Result = TypeVar("Result")
+Equations = TypeVar("Equations", bound="ZeroProblem")
 
 
 def other_than(
@@ -77,3 +89,136 @@ def upwards(direction: NDArray[np.float64], shares: NDArray[np.float64]) -> NDAr
     """
     large = np.flatnonzero(np.abs(shares) >= 0.5 * float(np.abs(shares).max()))
     return -direction if shares[large[0]] < 0.0 else direction
+
+
+def orbit_sizes_ahead(
+    begin: Callable[[NDArray[np.float64]], OrbitZeroProblem],
+    first: OrbitZeroProblem,
+    u: NDArray[np.float64],
+    longest: float,
+) -> NDArray[np.float64] | None:
+    """Return sizes of the states up to which a branch of orbits leaves a rest straight, 0 where a state tells its own.
+
+    Parameters
+    ----------
+    begin : callable
+        Makes equations for unknowns.
+    first : OrbitZeroProblem
+        Those of the start.
+    u : ndarray, shape (m + 1,)
+        The start.
+    longest : float
+        How far the longest step moves the parameter.
+
+    Returns
+    -------
+    ndarray, shape (states,)
+        None where the branch does not come from a rest.
+    """
+    problem = first.problem
+    count, cut = len(problem.system.states), problem.signature.is_cut or problem.slides
+    if first.further or cut or not kept_at_zero(problem, u[: problem.n], np.arange(problem.n) < count).any():
+        return None
+    places = np.arange(problem.size).reshape(problem.segments, problem.n + 1)[:, :count]
+    places = _resting(begin(u), u, places)
+    if not places.size:
+        return None
+    ladder = _Ladder(begin, places, longest)
+    found = ladder.outwards(u) or ladder.inwards(u)
+    if found is None:
+        return None
+    sizes, kept = np.zeros(count), places[0]
+    sizes[kept] = found.problem.state_scale[kept]
+    return sizes
+
+
+def algebraic_sizes_ahead(
+    begin: Callable[[NDArray[np.float64]], AlgebraicZeroProblem],
+    first: AlgebraicZeroProblem,
+    u: NDArray[np.float64],
+    longest: float,
+) -> NDArray[np.float64]:
+    """Return the sizes of the unknowns, shape (n,), not less than up to where a branch leaves a rest straight.
+
+    The arguments are those of `orbit_sizes_ahead`.
+    """
+    problem, sizes = first.problem, first.sizes.copy()
+    places = _resting(first, u, np.arange(problem.n).reshape(problem.period, -1))
+    if not places.size or not np.any(u[places]) or (found := _Ladder(begin, places, longest).outwards(u)) is None:
+        return sizes
+    sizes[places] = np.maximum(sizes, found.sizes)[places]
+    return sizes
+
+
+class _Ladder(Generic[Equations]):
+    """Solutions of a branch at distances from a rest that go by a factor, the parameter free.
+
+    A solution beside a branching from a rest is small, and a poor unit: steps in it creep. The size to take is the
+    distance at which the branch has bent: from there on the next one moves the parameter more than the longest step.
+
+    Parameters
+    ----------
+    begin : callable
+        Makes equations for unknowns.
+    places : ndarray of int, shape (copies, states)
+        Where the states that may rest are among the unknowns.
+    longest : float
+        How far the longest step moves the parameter.
+    """
+
+    def __init__(
+        self, begin: Callable[[NDArray[np.float64]], Equations], places: NDArray[np.intp], longest: float
+    ) -> None:
+        self._begin, self._places, self._longest = begin, places.ravel(), longest
+
+    def outwards(self, u: NDArray[np.float64]) -> Equations | None:
+        """Return equations made for the farthest solution up to which the branch is straight; None if it is the first.
+
+        A branch that never bends has no such solution.
+        """
+        branch = None
+        for _ in range(_FARTHEST):
+            further = self._at(branch or self._begin(u), u, FARTHER)
+            if further is None or not self._straight(u, further):
+                return branch
+            u = further
+            branch = self._begin(u)
+        return None
+
+    def inwards(self, u: NDArray[np.float64]) -> Equations | None:
+        """Return the same of the first solution on the way to the rest, within the size that the start tells."""
+        for _ in range(_NEAREST):
+            branch = self._begin(u)
+            nearer = self._at(branch, u, 1.0 / FARTHER)
+            if nearer is None:
+                return None
+            if self._straight(u, nearer):
+                return branch
+            u = nearer
+        return None
+
+    def _straight(self, u: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+        return abs(float(other[-1] - u[-1])) <= self._longest
+
+    def _at(self, branch: ZeroProblem, u: NDArray[np.float64], factor: float) -> NDArray[np.float64] | None:
+        """Return the solution whose states that may rest are that many times as large, the parameter being free."""
+        weights, way, guess = branch.metric(u), np.zeros_like(u), u.copy()
+        way[self._places] = u[self._places]
+        size = math.sqrt(float(weights @ way**2))
+        if not size > 0.0:
+            return None
+        guess[self._places] *= factor
+        found = correct(branch, guess, way / size, weights, _ITERATIONS)
+        return None if isinstance(found, str) else found.u
+
+
+def _resting(branch: ZeroProblem, u: NDArray[np.float64], places: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the places of those states that may all rest at 0, whatever the others do: their equations hold there."""
+    while places.size:
+        still = u.copy()
+        still[places] = 0.0
+        hold = np.all(branch.evaluate(still)[0][places] == 0.0, axis=0)
+        if hold.all():
+            break
+        places = places[:, hold]
+    return places
