@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from saltus.continuation.core.zero_problem import ZeroProblem
     from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
     from saltus.continuation.problems.orbit import OrbitZeroProblem
+    from saltus.orbits.signature import Signature
 
-__all__ = ["algebraic_sizes_ahead", "orbit_sizes_ahead", "other_than", "upwards"]
+__all__ = ["algebraic_beside_rest", "beside_rest", "other_than", "upwards"]
 
 _GUESSES = tuple(
     10.0**k for k in (0, 3, 6, 9, 12, 15, 18, -3, -6, -9, -12, -15, -18)
@@ -91,63 +92,75 @@ def upwards(direction: NDArray[np.float64], shares: NDArray[np.float64]) -> NDAr
     return -direction if shares[large[0]] < 0.0 else direction
 
 
-def orbit_sizes_ahead(
-    begin: Callable[[NDArray[np.float64]], OrbitZeroProblem],
-    first: OrbitZeroProblem,
+def beside_rest(
+    equations: Callable[..., OrbitZeroProblem], signature: Signature, u: NDArray[np.float64], longest: float
+) -> tuple[OrbitZeroProblem, float | None]:
+    """Return the equations of a branch of orbits, and its first step if that is not the usual one.
+
+    A branch that comes from a rest has sizes up to which it leaves it straight. Next to the rest the first step is long
+    enough to pass it: a short one would end where rounding tells multipliers.
+
+    Parameters
+    ----------
+    equations : callable
+        Makes equations for a signature, unknowns and known sizes of the states.
+    signature : Signature
+        That of the start.
+    u : ndarray, shape (m + 1,)
+        The start.
+    longest : float
+        How far the longest step moves the parameter.
+    """
+    first = equations(signature, u)
+    problem = first.problem
+    count, cut = len(problem.system.states), signature.is_cut or problem.slides
+    if first.further or cut or not kept_at_zero(problem, u[: problem.n], np.arange(problem.n) < count).any():
+        return first, None
+
+    def begin(v: NDArray[np.float64]) -> OrbitZeroProblem:
+        return equations(signature, v)
+
+    places = np.arange(problem.size).reshape(problem.segments, problem.n + 1)[:, :count]
+    places = _resting(begin(u), u, places)
+    if not places.size or (found := _Ladder(begin, places, longest).bend(u, nearer=True)) is None:
+        return first, None
+    sizes, kept = np.zeros(count), places[0]
+    sizes[kept] = found.problem.state_scale[kept]
+    branch = equations(signature, u, sizes)
+    return branch, _first_step(branch, u, places, longest)
+
+
+def algebraic_beside_rest(
+    begin: Callable[[NDArray[np.float64]], AlgebraicZeroProblem],
+    first: AlgebraicZeroProblem,
     u: NDArray[np.float64],
     longest: float,
-) -> NDArray[np.float64] | None:
-    """Return sizes of the states up to which a branch of orbits leaves a rest straight, 0 where a state tells its own.
+) -> float | None:
+    """Give the unknowns of a branch the sizes up to which it leaves a rest straight; return its first step.
 
     Parameters
     ----------
     begin : callable
         Makes equations for unknowns.
-    first : OrbitZeroProblem
-        Those of the start.
-    u : ndarray, shape (m + 1,)
-        The start.
-    longest : float
-        How far the longest step moves the parameter.
-
-    Returns
-    -------
-    ndarray, shape (states,)
-        None where the branch does not come from a rest.
+    first : AlgebraicZeroProblem
+        Those of the start; their sizes are written.
+    u, longest
+        As `beside_rest` takes them.
     """
     problem = first.problem
-    count, cut = len(problem.system.states), problem.signature.is_cut or problem.slides
-    if first.further or cut or not kept_at_zero(problem, u[: problem.n], np.arange(problem.n) < count).any():
-        return None
-    places = np.arange(problem.size).reshape(problem.segments, problem.n + 1)[:, :count]
-    places = _resting(begin(u), u, places)
-    if not places.size:
-        return None
-    ladder = _Ladder(begin, places, longest)
-    found = ladder.outwards(u) or ladder.inwards(u)
-    if found is None:
-        return None
-    sizes, kept = np.zeros(count), places[0]
-    sizes[kept] = found.problem.state_scale[kept]
-    return sizes
-
-
-def algebraic_sizes_ahead(
-    begin: Callable[[NDArray[np.float64]], AlgebraicZeroProblem],
-    first: AlgebraicZeroProblem,
-    u: NDArray[np.float64],
-    longest: float,
-) -> NDArray[np.float64]:
-    """Return the sizes of the unknowns, shape (n,), not less than up to where a branch leaves a rest straight.
-
-    The arguments are those of `orbit_sizes_ahead`.
-    """
-    problem, sizes = first.problem, first.sizes.copy()
     places = _resting(first, u, np.arange(problem.n).reshape(problem.period, -1))
-    if not places.size or not np.any(u[places]) or (found := _Ladder(begin, places, longest).outwards(u)) is None:
-        return sizes
-    sizes[places] = np.maximum(sizes, found.sizes)[places]
-    return sizes
+    if not places.size or not np.any(u[places]):
+        return None
+    if (found := _Ladder(begin, places, longest).bend(u, nearer=False)) is None:
+        return None
+    first.sizes[places] = np.maximum(first.sizes, found.sizes)[places]
+    return _first_step(first, u, places, longest)
+
+
+def _first_step(branch: ZeroProblem, u: NDArray[np.float64], places: NDArray[np.intp], longest: float) -> float | None:
+    """Return the longest step where it leads as far beyond a rest as the start is before it; None elsewhere."""
+    size = math.sqrt(float(branch.metric(u)[places].ravel() @ u[places].ravel() ** 2))
+    return longest if 2.0 * size <= longest else None
 
 
 class _Ladder(Generic[Equations]):
@@ -171,30 +184,29 @@ class _Ladder(Generic[Equations]):
     ) -> None:
         self._begin, self._places, self._longest = begin, places.ravel(), longest
 
-    def outwards(self, u: NDArray[np.float64]) -> Equations | None:
-        """Return equations made for the farthest solution up to which the branch is straight; None if it is the first.
+    def bend(self, u: NDArray[np.float64], *, nearer: bool) -> Equations | None:
+        """Return equations made for the farthest solution up to which the branch from a start is straight.
 
-        A branch that never bends has no such solution.
+        A branch that never bends has none. Where the start is farther, the first such solution on the way to the rest
+        is taken if `nearer` is true.
         """
-        branch = None
+        start, branch = u, self._begin(u)
         for _ in range(_FARTHEST):
-            further = self._at(branch or self._begin(u), u, FARTHER)
+            further = self._at(branch, u, FARTHER)
             if further is None or not self._straight(u, further):
-                return branch
+                return branch if u is not start else self._nearer(branch, u) if nearer else None
             u = further
             branch = self._begin(u)
         return None
 
-    def inwards(self, u: NDArray[np.float64]) -> Equations | None:
-        """Return the same of the first solution on the way to the rest, within the size that the start tells."""
+    def _nearer(self, branch: Equations, u: NDArray[np.float64]) -> Equations | None:
+        """Return the same on the way to the rest, within the size that the start tells; None where there is none."""
         for _ in range(_NEAREST):
-            branch = self._begin(u)
             nearer = self._at(branch, u, 1.0 / FARTHER)
-            if nearer is None:
-                return None
-            if self._straight(u, nearer):
-                return branch
+            if nearer is None or self._straight(u, nearer):
+                return None if nearer is None else branch
             u = nearer
+            branch = self._begin(u)
         return None
 
     def _straight(self, u: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
