@@ -39,7 +39,7 @@ LATER = {"bifurcation", "point", "verification"}  # kinds of results that versio
 PHASE = "_s"  # end of names of phases: rounding decides whether a whole turn is 2 pi or 0
 BYTES = "attractors"  # of a file within another: it is compared by itself, as a file of attractors
 # what a special point has of the steps around it
-OF_STEPS = {f"branch1_special_{name}" for name in ("arclength", "position", "tangent", "test")}
+OF_STEPS = {f"branch1_special_{name}" for name in ("arclength", "position", "scale", "tangent", "test")}
 
 
 def kept(version, name, folder):

@@ -255,7 +255,8 @@ def _sizes_at_origin(problem: Equations, u: NDArray[np.float64], survey: Survey)
     count = len(problem.system.states)
     lows, highs = survey.lows[:count], survey.highs[:count]
     known = problem.state_scale[:count]
-    if not np.max(highs - lows) <= RESTING * float(known.max()):
+    # what is left of a rest by rounding moves, where a drive does
+    if not np.max(highs - lows) <= max(RESTING * float(known.max()), ORBIT_NOTHING):
         return None
     moved = np.zeros(count)
     if len(problem.active):

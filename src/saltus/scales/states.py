@@ -82,3 +82,7 @@ TURN_GROWN = 1e8
 # Change of such a motion in a part of its fastest time, over its size, at which it rests; half of the digits of two
 # returns that are the same.
 TURN_RESTS = 1e-10
+
+# Distance from a rest, over that of a solution beside it, at which the branch is looked at next: its size is known to
+# that factor, by which no step is too long.
+FARTHER = 4.0

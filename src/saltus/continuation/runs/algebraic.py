@@ -17,11 +17,14 @@ from saltus.continuation.core.multiple import crossing_point
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
 from saltus.continuation.problems.extents import extents
+from saltus.continuation.problems.point_data import PointData
 from saltus.continuation.runs.branching import NONE_REAL, other_branches
+from saltus.continuation.runs.columns import settled
 from saltus.continuation.runs.copies import fresh_point
 from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_value
 from saltus.continuation.runs.run import Asked, Going
+from saltus.continuation.runs.sizes import algebraic_beside_rest
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
 from saltus.errors import ConvergenceError, InputError, nearest
 from saltus.scales import (
@@ -36,6 +39,7 @@ from saltus.scales import (
     PARAMETER_RESTS_IN_GROWTH,
     PARAMETER_ROUNDED,
     START_CRITICAL,
+    TESTED_SIGN,
     TURNS_AT_POINT,
     VERTEX,
 )
@@ -62,11 +66,20 @@ _MOST_GROWN = 1e100  # size of a state, over that at the start, up to which a br
 def algebraic_columns(joined: BothSides) -> dict[str, Any]:
     """Return the fields of `AlgebraicCurve` that a branch and a locus of any kind fill in the same way."""
     data = [point.examined.data for _, point in joined.rows]
+    critical = [_critical(piece, point.examined.data) for piece, point in joined.rows]
     return {
-        "stable": np.array([d.stable for d in data]),
+        "stable": settled(joined, critical, [d.stable for d in data]),
         "regular": np.array([not d.reasons for d in data]),
         "residual": np.array([point.residual for _, point in joined.rows]),
     }
+
+
+def _critical(piece: Any, data: Any) -> bool:
+    """Return whether a real value of a solution of a branch is critical but for rounding."""
+    if not isinstance(data, PointData):
+        return False
+    known = [piece.tests([value]) for value in piece.in_units(data.values).tolist() if value.imag == 0.0]
+    return any(abs(test.values[0]) <= TESTED_SIGN * test.sizes[0] for test in known)
 
 
 class AlgebraicRun(OneParameterRun):
@@ -184,6 +197,8 @@ class AlgebraicRun(OneParameterRun):
         problem.scales[0] = self.scale
         u = np.append(self.solution.unknowns, self.start_value(self.solution.parameters))
         branch = self.equations(problem, u)
+        begin, longest = partial(self.equations, problem), self.control.largest
+        self.first_length = algebraic_beside_rest(begin, branch, u, longest)
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:

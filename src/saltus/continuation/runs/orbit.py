@@ -46,6 +46,7 @@ from saltus.continuation.runs.options import read_events
 from saltus.continuation.runs.pieces import in_more_pieces
 from saltus.continuation.runs.run import Going
 from saltus.continuation.runs.seen import seen_beyond
+from saltus.continuation.runs.sizes import beside_rest
 from saltus.continuation.runs.to_homoclinic import end_unbounded
 from saltus.continuation.runs.two_sided import Found, OneSide
 from saltus.errors import InputError
@@ -111,7 +112,8 @@ class OrbitRun(OneParameterRun):
     def first(self) -> tuple[OrbitZeroProblem, NDArray[np.float64]]:
         """Return equations and unknowns of the orbit at which the branch starts."""
         u = np.append(self.solution.unknowns, self.start_value(self.solution.parameters))
-        return self.equations(self.solution.form, u), u
+        branch, self.first_length = beside_rest(self.equations, self.solution.form, u, self.control.largest)
+        return branch, u
 
     def start(self, branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Point:
         """Return the first point of the branch."""
@@ -312,7 +314,8 @@ class OrbitRun(OneParameterRun):
     def _shrunk(self, half: OneSide, piece: OrbitZeroProblem, end: Point) -> str:
         """End a branch at the Hopf point that is its last point."""
         orbit = self.orbit_of(piece, end)
-        half.specials.append(Found("HB", orbit, _amplitude(orbit), len(half.points), end.arc))
+        amplitude = 0.5 * float(np.max((orbit.highs - orbit.lows)[: len(orbit.system.states)]))
+        half.specials.append(Found("HB", orbit, amplitude, len(half.points), end.arc))
         return self.ends(half, piece, end, "the cycle shrinks to an equilibrium")
 
     def at_bound(self, half: OneSide, piece: OrbitZeroProblem, point: Point, kind: str) -> str:
@@ -441,8 +444,3 @@ def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:
     found = replace(point, u=u, J=branch.evaluate(u)[1])
     found.examined = branch.examine(found, None)
     return point if found.examined.data is None else found
-
-
-def _amplitude(orbit: PeriodicOrbit) -> float:
-    """Return half the range of the state that varies most."""
-    return 0.5 * float(np.max((orbit.highs - orbit.lows)[: len(orbit.system.states)]))

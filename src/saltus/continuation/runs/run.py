@@ -45,6 +45,7 @@ class Run(ABC):
         self.asked, self.control, self.stops = asked, asked.control, asked.stops
         self.log: list[Failure] = []
         self.last_row: tuple[Any, Point] | None = None  # equations and point with which the curve ends
+        self.first_length: float | None = None  # length of the first step where it is not the usual one
 
     @abstractmethod
     def begin(self) -> tuple[Any, Point]:
@@ -81,7 +82,7 @@ class Run(ABC):
 
     def trace(self, start: tuple[Any, Point], sign: float) -> OneSide:
         """Return one direction of the curve, followed to its end."""
-        piece, step = start[0], None
+        piece, step = start[0], self.first_length
         point = turned(self.ready(*start), sign, self.odd)
         half = OneSide(start, point)
         if self.starts_outwards(point):
