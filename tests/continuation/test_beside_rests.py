@@ -30,7 +30,7 @@ EVERY = [
     for seed in range(6)
     for i, (host, germ) in enumerate(KINDS)
     for sign in (1, -1)
-    for beside, unit in ((False, list(UNITS)[(seed + i) % 4]), (True, list(UNITS)[(seed + i + 1) % 4]))
+    for beside, unit in ((False, list(UNITS)[(seed + i) % 4]), (True, list(UNITS)[(seed + i + 1) % 3]))
 ]
 QUICK = [
     ("forced", "halving", 1, False, "large", 3, "switch"),
