@@ -30,7 +30,7 @@ EVERY = [
     for seed in range(6)
     for i, (host, germ) in enumerate(KINDS)
     for sign in (1, -1)
-    for beside, unit in ((False, list(UNITS)[(seed + i) % 4]), (True, list(UNITS)[(seed + i + 1) % 4]))
+    for beside, unit in ((False, list(UNITS)[(seed + i) % 4]), (True, list(UNITS)[(seed + i + 1) % 3]))
 ]
 QUICK = [
     ("forced", "halving", 1, False, "large", 3, "switch"),
@@ -94,8 +94,9 @@ def system_of(host: str, germ: str, sign: int, beside: bool, unit: str, seed: in
         for i in range(n)
     }
     if beside:
-        found["z"] = {"map": "0.3*z + 1", "field": "1 + a - z", "forced": "cos(th) - z"}[host]
-    direction = np.append(turned[:, 0] * sizes[:n], [1.0] * beside)
+        drive = {"map": "1 + 0.3*z/{0}", "field": "1 + a - z/{0}", "forced": "cos(th) - z/{0}"}[host]
+        found["z"] = f"{float(sizes[0])!r}*({drive.format(float(sizes[0]))})"
+    direction = np.append(turned[:, 0] * sizes[:n], [float(sizes[0])] * beside)
     if host == "map":
         return saltus.Map([*found], {"a": -0.1}, found), direction, forcing
     phase = {"phase": ("th", "w")} if host == "forced" else {}
@@ -120,7 +121,7 @@ def started(host: str, germ: str, given: Any, start: str | float, sign: int, bes
     """Return a solution on the branch: by `switch_branch` from the rest, or at a given distance of the parameter."""
     system, direction, forcing = given
     follow = saltus.continue_equilibrium if host == "field" else saltus.continue_orbit
-    place = np.append(0.0 * direction[:-1], 1.0) if beside else 0.0 * direction
+    place = np.append(0.0 * direction[:-1], direction[-1]) if beside else 0.0 * direction
     if start == "switch":
         rest = (saltus.find_equilibrium if host == "field" else saltus.find_orbit)(system, x0=place.tolist())
         (point,) = follow(rest, "a", BOUNDS).special_points
