@@ -22,6 +22,7 @@ from saltus.scales import (
     VERIFIED_VALUE,
     Verdict,
     critical_error,
+    value_error,
     zero,
 )
 from saltus.verification.remade import Claim, claims, orbit_claims
@@ -180,7 +181,8 @@ def _of_locus(curve: Any, i: int, values: NDArray[np.complex128], growth: NDArra
         return
     resting = hasattr(curve, "eigenvalues")
     unit = float(np.abs(values).max(initial=0.0)) if resting else 1.0
-    error = critical_error(getattr(curve, "tolerance", EQUATIONS_SOLVED)) * unit
+    tolerance = getattr(curve, "tolerance", EQUATIONS_SOLVED)
+    error = critical_error(tolerance) * unit
     clear = np.isfinite(growth) & (np.abs(growth) > error)
     told = bool(np.all(np.isfinite(growth)))
     yield Claim.of("stable", curve.stable[i], not np.any(growth[clear] > 0.0), 0.0 if told else math.inf)
@@ -188,7 +190,8 @@ def _of_locus(curve: Any, i: int, values: NDArray[np.complex128], growth: NDArra
         if hasattr(curve, name):
             found = _turning(curve, name, values, growth)
             known = np.all(np.isfinite(values))
-            yield Claim.of(name, getattr(curve, name)[i], found, error if known else math.inf)
+            turned = value_error(tolerance) * unit
+            yield Claim.of(name, getattr(curve, name)[i], found, turned if known else math.inf)
     if isinstance(curve, OrbitColumns):
         yield from _of_start(curve, i)
     else:
