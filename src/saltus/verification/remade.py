@@ -114,7 +114,7 @@ def _known_values(
     problem, u, sizes = given
     values = getattr(remade, what)
     claim = _values(what, said, values, errors)
-    if claim.said.shape != values.shape or not np.any(np.abs(claim.said - claim.found) > claim.error):
+    if not _is_off(claim, values):
         return claim
     errors = np.array(errors)
     for i, size in enumerate(np.abs(u).tolist()):
@@ -187,7 +187,7 @@ def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[st
     values = or_unknown(problem, u, J, survey.rates[:, 0], multipliers(problem, u, J))
     off = _multiplier_errors(problem, u, J, values, period, survey)
     claim = _values("multipliers", said["multipliers"], values, off)
-    if claim.said.shape == values.shape and np.any(np.abs(claim.said - claim.found) > claim.error):
+    if _is_off(claim, values):
         off = off + own_errors(problem, u, values)
         claim = _values("multipliers", said["multipliers"], values, off)
     yield claim
@@ -292,6 +292,14 @@ def _values(what: str, said: Any, found: NDArray[np.complex128], errors: NDArray
     return Claim.of(what, said, found, errors)
 
 
+def _is_off(claim: Claim, values: NDArray[np.complex128]) -> bool:
+    """Return whether one of as many values is said that errs by more than its error; infinite ones do not."""
+    if claim.said.shape != values.shape:
+        return False
+    with np.errstate(invalid="ignore"):
+        return bool(np.any(np.abs(claim.said - claim.found) > claim.error))
+
+
 def _in_order(what: str, order: NDArray[np.intp], found: NDArray[np.complex128], errors: NDArray[np.float64]) -> bool:
     """Return whether values stand in the order of those found, but for those that differ by no more than their errors.
 
@@ -300,7 +308,7 @@ def _in_order(what: str, order: NDArray[np.intp], found: NDArray[np.complex128],
     sizes = found.real if what == "eigenvalues" else np.abs(found)
     for i, first in enumerate(order.tolist()):
         for second in order[i + 1 :].tolist():
-            apart = abs(float(sizes[first] - sizes[second]))
+            apart = abs(float(sizes[first]) - float(sizes[second]))
             if second < first and apart > float(errors[first] + errors[second]):
                 return False
     return True
