@@ -117,7 +117,7 @@ class Contents:
         values = self.array(name, dims, finite=False)
         wrong = values[..., :count][~np.isfinite(values[..., :count])]
         if wrong.size:
-            raise InputError(f"variable {name!r}", _shown(wrong[0]), "finite for each state")
+            raise InputError(f"variable {name!r}", float(wrong[0]), "finite for each state")
         return values
 
     def _texts(self, values: NDArray[Any], where: str) -> NDArray[Any]:
