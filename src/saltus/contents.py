@@ -112,6 +112,14 @@ class Contents:
             raise InputError(where, wrong.flat[0].item(), _between(least, most))
         return values.astype({float: np.float64, int: np.int64, bool: np.bool_}[kind])
 
+    def first_finite(self, name: str, dims: tuple[str, ...], count: int) -> NDArray[np.float64]:
+        """Return numbers of which the first `count` along the last dimension are finite, as extremes of states are."""
+        values = self.array(name, dims, finite=False)
+        wrong = values[..., :count][~np.isfinite(values[..., :count])]
+        if wrong.size:
+            raise InputError(f"variable {name!r}", float(wrong[0]), "finite for each state")
+        return values
+
     def _texts(self, values: NDArray[Any], where: str) -> NDArray[Any]:
         for value in values.flat:
             if not isinstance(value, str):

@@ -47,6 +47,6 @@ def test_a_condition_is_judged_by_the_error_of_the_state(height, verdict):
     system = saltus.HybridSystem(("x", "v"), {}, {"flight": saltus.Mode({"x": "v", "v": "-1"})}, [impact])
     orbit = saltus.solve_orbit(system, {}, [("flight", impact.name or 0, [0.0, 1.0], 2.0)])
     for faults in (0, orbit.faults):
-        (row,) = [row for row in saltus.verify(replace(orbit, faults=faults)) if row.what == "admissible"]
+        row = next(row for row in saltus.verify(replace(orbit, faults=faults)) if row.what == "admissible")
         if verdict == UNCHECKED or replace(orbit, faults=faults).admissible == (height > 0.0):
             assert row.verdict == verdict

@@ -407,9 +407,9 @@ class PeriodicOrbit(Solution):
             complex_of(*(held.array(f"multiplier_{part}", ("multiplier",), finite=False) for part in ("re", "im"))),
             held.number("residual", finite=False),
             faults,
-            held.array("x0", ("own_state",), finite=False),
-            held.array("minimum", ("quantity",), finite=False),
-            held.array("maximum", ("quantity",), finite=False),
+            held.array("x0", ("own_state",)),
+            held.first_finite("minimum", ("quantity",), len(system.all_states)),
+            held.first_finite("maximum", ("quantity",), len(system.all_states)),
             held.number("tolerance", *TOLERANCES),
             read_fixed(held, system),
             "implicit" in held.dataset.attrs and held.count("implicit", most=1) == 1,  # absent from earlier files

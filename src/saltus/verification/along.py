@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from saltus.continuation.core.point_types import CHANGES
 from saltus.continuation.results.auditing import audited
 from saltus.scales import LOCATED, PRINTED, followed, same
 from saltus.verification.names import named_rows
-from saltus.verification.table import AGREES, DIFFERS, Row, equal, unchecked
+from saltus.verification.table import AGREES, DIFFERS, Row, compared, equal, unchecked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,7 +38,7 @@ def course_rows(curve: Any) -> list[Row]:
         return []
     rows = [_rising(curve), *(row for end in (0, -1) for row in _end(curve, end))]
     rows += [row for point in curve.special_points for row in _placed(curve, point)]
-    rows += [*named_rows(curve), *_turns(curve), *_audit(curve)]
+    rows += [*named_rows(curve), *_turns(curve), *_signs(curve), *_audit(curve)]
     return rows
 
 
@@ -104,7 +105,7 @@ def _at_bound(curve: Any, values: NDArray[np.float64]) -> bool:
 
 
 def _placed(curve: Any, point: SpecialPoint[Any]) -> Iterator[Row]:
-    """Yield whether a special point lies between the points that it says."""
+    """Yield whether a special point lies between the points that it says, and in their middle by its number."""
     last, place = len(curve) - 1, point.position
     first = math.floor(place)
     arcs = curve.arclength
@@ -112,7 +113,10 @@ def _placed(curve: Any, point: SpecialPoint[Any]) -> Iterator[Row]:
     high = arcs[first + 1] if first + 1 <= last else math.inf
     room = LOCATED * max(1.0, float(np.abs(arcs).max()))
     inside = -1.0 < place < last + 1.0 and low - room <= point.arclength <= high + room
+    inside = inside and (place > 0.0 or point.arclength < high) and (place < last or point.arclength > low)
     yield equal("position by arclength", True, bool(inside))._replace(place=point.label)
+    if math.isfinite(place):
+        yield compared("position", place, first + 0.5, 0.0)._replace(place=point.label)
 
 
 def _turns(curve: Any) -> Iterator[Row]:
@@ -132,6 +136,17 @@ def _turns(curve: Any) -> Iterator[Row]:
         if np.all(np.abs(sides) > rounding[along]):
             turns = float(sides[0] * sides[1]) > 0.0
             yield equal(f"{curve.varied[along]} turns", claimed, turns)._replace(place=point.label)
+
+
+def _signs(curve: Any) -> Iterator[Row]:
+    """Yield whether the coefficient along a locus of folds changes its sign at special points alone."""
+    if getattr(curve, "type", "") != "SN" or hasattr(curve, "tolerance"):  # of orbits the audit tells
+        return
+    signs, met = np.sign(curve.coefficient), [point.position for point in curve.special_points]
+    known = np.flatnonzero(np.isfinite(signs) & (signs != 0.0)).tolist()
+    changes = [(i, j) for i, j in pairwise(known) if signs[i] != signs[j]]
+    told = [pair for pair in changes if any(pair[0] <= place <= pair[1] for place in met)]
+    yield equal("changes of the coefficient's sign", len(told), len(changes))
 
 
 def _claimed_turn(curve: Any, point: SpecialPoint[Any]) -> bool | None:

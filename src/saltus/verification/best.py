@@ -11,6 +11,7 @@ from saltus.errors import SaltusError
 from saltus.flow.formulas import read_formula
 from saltus.orbits import solve_orbit
 from saltus.scales import EPS, GRADIENT_LEFT, ILL_CONDITIONED, VERIFIED_EXTREME, VERIFIED_VALUE
+from saltus.verification.covariance import covariance_rows
 from saltus.verification.table import Row, compared, equal, unchecked
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ __all__ = ["fit_rows", "optimum_rows"]
 _STABLE = "stable"  # the constraint on the largest multiplier
 
 
-def optimum_rows(optimum: Optimum) -> list[Row]:
+def optimum_rows(optimum: Optimum, points: int) -> list[Row]:
     """Return the checks of an optimum: its values, those of its constraints, and that no first change improves it."""
     orbit = optimum.orbit
     rows = [
@@ -41,7 +42,7 @@ def optimum_rows(optimum: Optimum) -> list[Row]:
         else:
             found = _value(optimum, name)
         rows.append(_same(f"value of {name}", seen, found))
-    return [*rows, *_bounds(optimum), *_first_order(optimum), *_along(optimum)]
+    return [*rows, *_bounds(optimum), *_first_order(optimum), *_along(optimum, points)]
 
 
 def _value(optimum: Optimum, name: str) -> float:
@@ -92,19 +93,24 @@ def _gradient(optimum: Optimum, name: str) -> NDArray[np.float64]:
     return np.asarray(optimum.orbit.sensitivity([name], optimum.over)[name].to_numpy())
 
 
-def _along(optimum: Optimum) -> Iterator[Row]:
+def _along(optimum: Optimum, points: int) -> Iterator[Row]:
     """Yield whether the objective on the way is that of orbits solved there, and what no other means tells."""
-    orbit = optimum.orbit
+    orbit, count = optimum.orbit, len(optimum.path)
     segments = [(mode, transition or None, x, duration) for mode, transition, x, duration in orbit.segments]
-    middle = len(optimum.path) // 2
-    place, said = dict(zip(optimum.over, optimum.path[middle].tolist(), strict=True)), optimum.path_objective[middle]
-    try:
-        there = solve_orbit(orbit.system, {**orbit.parameters, **place}, segments)
-        known = optimum.objective in there.parameters
-        found = there.parameters if known else there.observe(optimum.objective)
-        yield _same(f"objective of step {middle}", float(said), float(found[optimum.objective]))
-    except SaltusError as error:
-        yield unchecked(f"objective of step {middle}", float(said), str(error))
+    chosen = np.unique(np.linspace(0, count - 1, min(points, count)).round().astype(int)).tolist()
+    for step in chosen:
+        place, said = dict(zip(optimum.over, optimum.path[step].tolist(), strict=True)), optimum.path_objective[step]
+        what = f"objective of step {step}"
+        try:
+            there = solve_orbit(orbit.system, {**orbit.parameters, **place}, segments)
+            known = optimum.objective in there.parameters
+            found = there.parameters if known else there.observe(optimum.objective)
+            yield _same(what, float(said), float(found[optimum.objective]))
+        except SaltusError as error:
+            yield unchecked(what, float(said), str(error))
+    if len(chosen) < count:
+        for name in ("path", "path_objective"):
+            yield unchecked(f"variable {name}", name, f"{count - len(chosen)} steps between; points={count} checks all")
     yield unchecked("mismatch and curvature", optimum.curvature, "they are differences between orbits nearby")
 
 
@@ -121,7 +127,7 @@ def fit_rows(fit: Fit, points: int) -> list[Row]:
         rows.append(equal(f"{name} within its profile", True, bool(low <= fit[name] <= high)))
     for name, (low, high) in fit.limited.items():
         rows.append(equal(f"{name} within its interval", True, bool(low <= fit[name] <= high)))
-    rows += [*_residuals(fit), unchecked("covariance", float(spread[0]), "what is known beforehand is not kept")]
+    rows += [*_residuals(fit), *covariance_rows(fit)]
     return [*rows, *_beyond(fit), *_model(fit, points)]
 
 

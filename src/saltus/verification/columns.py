@@ -7,7 +7,7 @@ of a column is the row that `verify` lists.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from saltus.scales import (
     VERIFIED_VALUE,
     Verdict,
     critical_error,
+    value_error,
     zero,
 )
 from saltus.verification.remade import Claim, claims, orbit_claims
@@ -30,10 +31,12 @@ from saltus.verification.table import AGREES, DIFFERS, Row, place_of, unchecked
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.orbits.problem import OrbitProblem
+
 __all__ = ["ELSEWHERE", "column_rows", "solution_rows"]
 
 # claims that checks of solutions have
-ELSEWHERE = ("stable", "regular", "admissible", "multipliers", "period", "lows", "highs")
+ELSEWHERE = ("stable", "regular", "admissible", "faults", "multipliers", "period", "lows", "highs")
 
 
 def column_rows(curve: Any) -> list[Row]:
@@ -44,13 +47,15 @@ def column_rows(curve: Any) -> list[Row]:
 def solution_rows(
     solution: Any, elsewhere: Sequence[str] = ELSEWHERE, sizes: NDArray[np.float64] | None = None
 ) -> list[Row]:
-    """Return rows of what a solution says besides what is checked `elsewhere`, held against its unknowns.
+    """Return rows of what a solution says, held against its unknowns.
+
+    Of what is checked `elsewhere` as well, only what differs is told.
 
     sizes: those of the states along its curve, shape (state,).
     """
     known = {} if sizes is None else {"sizes": sizes}
-    own = (claim for claim in claims(solution, known) if claim.what not in elsewhere)
-    return _claimed([("", own)])
+    rows = _claimed([("", claims(solution, known))])
+    return [row for row in rows if row.what not in elsewhere or row.verdict == DIFFERS]
 
 
 def _claimed(told: Iterable[tuple[str, Iterable[Claim]]], prefix: str = "") -> list[Row]:
@@ -69,30 +74,36 @@ def _claimed(told: Iterable[tuple[str, Iterable[Claim]]], prefix: str = "") -> l
 
 
 def _judged(claim: Claim, prefix: str) -> tuple[float, Row]:
-    """Return by how many errors a claim is off where it is off most, and its row; less than 0 where none is told."""
+    """Return by how many errors a claim is off where it is off most, and its row; less than 0 where none is told.
+
+    What is off where it is undetermined comes before all that agrees.
+    """
     what = f"{prefix}{claim.what}"
     if claim.said.shape != claim.found.shape:
         return math.inf, Row(what, str(claim.said.shape), str(claim.found.shape), math.nan, math.nan, DIFFERS)
     off = _differences(claim.said, claim.found)
     known = np.isfinite(claim.error)
-    if not known.any():
-        return -1.0, unchecked(what, _plain(claim.said[0]) if claim.said.size else 0.0, "undetermined")
+    if not claim.said.size:
+        return -1.0, unchecked(what, 0.0, "undetermined")
     with np.errstate(invalid="ignore", divide="ignore"):
-        shares = np.where(known, np.where(off > 0.0, off / np.maximum(claim.error, LEAST_ALLOWANCE), 0.0), -1.0)
+        shares = np.where(off > 0.0, off / np.maximum(claim.error, LEAST_ALLOWANCE), 0.0)
+    shares = np.where(known, shares, np.where(off > 0.0, 1.0, -1.0))
     i = int(np.argmax(shares))
+    if not known[i]:
+        return float(shares[i]), unchecked(what, _plain(claim.said[i]), "undetermined")
     said, found = _plain(claim.said[i]), _plain(claim.found[i])
     difference, error = float(off[i]), float(claim.error[i])
     verdict = zero(difference, error)
     if verdict is Verdict.UNCLEAR:
         return float(shares[i]), unchecked(what, said, f"{found}, within ten errors of {error:.1g}")
-    logical = isinstance(said, bool)
+    logical = isinstance(said, bool | str)
     numbers = (math.nan, math.nan) if logical else (difference, error)
     return float(shares[i]), Row(what, said, found, *numbers, AGREES if verdict else DIFFERS)
 
 
 def _differences(said: NDArray[Any], found: NDArray[Any]) -> NDArray[np.float64]:
     """Return the distances of numbers; those that are NaN on both sides, or the same infinity, are equal."""
-    if said.dtype == np.bool_ or found.dtype == np.bool_:
+    if said.dtype.kind in "bU" or found.dtype.kind in "bU":
         return np.asarray(said != found, dtype=float)
     with np.errstate(invalid="ignore"):
         off = np.abs(said - found)
@@ -105,14 +116,29 @@ def _plain(value: Any) -> Any:
 
 
 def _of_points(curve: Any) -> Iterator[tuple[str, Iterator[Claim]]]:
-    own: Callable[[Any, int], Iterator[Claim]] = _orbit if isinstance(curve, OrbitColumns) else _zero
+    if not isinstance(curve, OrbitColumns):
+        yield from ((place_of(curve, i), _zero(curve, i)) for i in range(len(curve)))
+        return
+    stiff: list[bool] = []
     for i in range(len(curve)):
-        yield place_of(curve, i), own(curve, i)
+        problem, u = curve._solved(i)
+        yield place_of(curve, i), _orbit(curve, i, problem, u)
+        stiff.append(bool(problem.stiff))
+    yield "", iter([_steps(curve.implicit, np.array(stiff))])
 
 
-def _orbit(curve: OrbitColumns, i: int) -> Iterator[Claim]:
-    """Yield what the columns of a curve of orbits say at a point."""
-    problem, u = curve._solved(i)
+def _steps(said: NDArray[np.bool_], found: NDArray[np.bool_]) -> Claim:
+    """Return the claim of how flows were followed: implicit steps go on from where they are needed, and explicit ones.
+
+    So a stretch of one kind has an orbit, at least, that is followed so by itself.
+    """
+    stretches = np.cumsum(np.append(False, said[1:] != said[:-1]))
+    begun = [np.any(found[stretches == number] == said[stretches == number]) for number in stretches.tolist()]
+    return Claim.of("implicit", said, np.where(begun, said, found), 0.0)
+
+
+def _orbit(curve: OrbitColumns, i: int, problem: OrbitProblem, u: NDArray[np.float64]) -> Iterator[Claim]:
+    """Yield what the columns of a curve of orbits say at a point, whose orbit solves `problem` at `u`."""
     names = ("x0", "period", "lows", "highs", "means", "harmonics", "multipliers", "admissible", "residual")
     said = {name: getattr(curve, name)[i] for name in names}
     if len(curve.varied) == 1:
@@ -155,7 +181,8 @@ def _of_locus(curve: Any, i: int, values: NDArray[np.complex128], growth: NDArra
         return
     resting = hasattr(curve, "eigenvalues")
     unit = float(np.abs(values).max(initial=0.0)) if resting else 1.0
-    error = critical_error(getattr(curve, "tolerance", EQUATIONS_SOLVED)) * unit
+    tolerance = getattr(curve, "tolerance", EQUATIONS_SOLVED)
+    error = critical_error(tolerance) * unit
     clear = np.isfinite(growth) & (np.abs(growth) > error)
     told = bool(np.all(np.isfinite(growth)))
     yield Claim.of("stable", curve.stable[i], not np.any(growth[clear] > 0.0), 0.0 if told else math.inf)
@@ -163,7 +190,8 @@ def _of_locus(curve: Any, i: int, values: NDArray[np.complex128], growth: NDArra
         if hasattr(curve, name):
             found = _turning(curve, name, values, growth)
             known = np.all(np.isfinite(values))
-            yield Claim.of(name, getattr(curve, name)[i], found, error if known else math.inf)
+            turned = value_error(tolerance) * unit
+            yield Claim.of(name, getattr(curve, name)[i], found, turned if known else math.inf)
     if isinstance(curve, OrbitColumns):
         yield from _of_start(curve, i)
     else:
@@ -181,11 +209,11 @@ def _coefficient(curve: Any, i: int) -> Iterator[Claim]:
     """Yield the coefficient of a normal form; that of a saddle-node has the sign of a vector."""
     said, form = float(curve.coefficient[i]), curve.point(i).normal_form
     found = getattr(form, "coefficient", math.nan)
-    if math.isnan(said) or math.isnan(found):
+    if math.isnan(said) and math.isnan(found):
         return
     if curve.type == "SN":
         said, found = abs(said), abs(found)
-    yield Claim.of("coefficient", said, found, VERIFIED_VALUE * max(abs(said), abs(found)))
+    yield Claim.of("coefficient", said, found, VERIFIED_VALUE * float(np.nanmax(np.abs([said, found]))))
 
 
 def _turning(curve: Any, name: str, values: NDArray[np.complex128], growth: NDArray[np.float64]) -> float:

@@ -395,9 +395,10 @@ def _shrunk_rows(orbit: PeriodicOrbit) -> list[Row]:
         x = x - np.linalg.solve(A, reference.field(mode, x[:, None])[:, 0])
     values = np.linalg.eigvals(reference.field_slope(mode, x))
     pair = values[np.argmin(np.abs(values - 2.0j * math.pi / orbit.period))]
+    period = 2.0 * math.pi / abs(pair.imag) if pair.imag != 0.0 else math.inf
     return [
         compared("critical eigenvalue", 0.0, float(pair.real), VERIFIED_SHRUNK * abs(pair)),
-        compared("period", orbit.period, 2.0 * math.pi / abs(pair.imag), VERIFIED_SHRUNK * orbit.period),
+        compared("period", orbit.period, period, VERIFIED_SHRUNK * orbit.period),
     ]
 
 

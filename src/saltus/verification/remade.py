@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -97,6 +98,11 @@ def _(solution: MapOrbit, said: Mapping[str, Any]) -> Iterator[Claim]:
     yield from _of_zero(solution, remade, said, sure=bool(np.all(np.abs(np.abs(values) - 1.0) > errors)))
 
 
+def _worded(reasons: Sequence[str]) -> str:
+    """Return reasons as one text without their numbers."""
+    return "; ".join(re.sub(r"-?\d[\d.]*(e[+-]?\d+)?", "#", text) for text in reasons)
+
+
 def _known_values(
     what: str, said: Any, given: tuple[Any, NDArray[np.float64], Any], remade: Any, errors: NDArray[np.float64]
 ) -> Claim:
@@ -108,7 +114,7 @@ def _known_values(
     problem, u, sizes = given
     values = getattr(remade, what)
     claim = _values(what, said, values, errors)
-    if claim.said.shape != values.shape or not np.any(np.abs(claim.said - claim.found) > claim.error):
+    if not _is_off(claim, values):
         return claim
     errors = np.array(errors)
     for i, size in enumerate(np.abs(u).tolist()):
@@ -129,15 +135,20 @@ def _of_zero(solution: Any, remade: Any, said: Mapping[str, Any], *, sure: bool)
     yield Claim.of("residual", said.get("residual", solution.residual), remade.residual, left)
     yield Claim.of("residual of the equations", 0.0, remade.residual, left)
     yield Claim.of("regular", said.get("sound", solution.sound), remade.sound, 0.0)
+    if "sound" not in said:
+        yield Claim.of("reasons", _worded(solution.reasons), _worded(remade.reasons), 0.0)
     if "locus" not in said:
         yield Claim.of("stable", said.get("stable", solution.stable), remade.stable, 0.0 if sure else math.inf)
 
 
 @claims.register
 def _(solution: PeriodicOrbit, said: Mapping[str, Any]) -> Iterator[Claim]:
-    names = ("x0", "period", "lows", "highs", "multipliers", "admissible", "stable", "residual")
+    names = ("x0", "period", "lows", "highs", "multipliers", "admissible", "faults", "stable", "residual")
     own = {name: getattr(solution, name) for name in names}
-    yield from orbit_claims(solution.problem(), np.array(solution.unknowns), own | dict(said))
+    problem, implicit = solution.problem(), solution.implicit
+    # either way may follow an orbit: that of the orbits before it goes on
+    yield Claim.of("implicit", implicit, problem.stiff, 0.0 if implicit == problem.stiff else math.inf)
+    yield from orbit_claims(problem, np.array(solution.unknowns), own | dict(said))
 
 
 def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[str, Any]) -> Iterator[Claim]:
@@ -169,12 +180,14 @@ def orbit_claims(problem: OrbitProblem, u: NDArray[np.float64], said: Mapping[st
     scale = np.maximum(problem.state_scale[:count], said.get("sizes", 0.0))
     kept = RESIDUAL_KEPT * max(float(scale.max()), float(met.max(initial=0.0)))
     yield Claim.of("residual of the equations", 0.0, survey.residual, max(left, kept))
-    touches = _touches(problem, survey, met, u)
-    yield Claim.of("admissible", said["admissible"], survey.faults == 0, math.inf if touches else 0.0)
+    sure = math.inf if _touches(problem, survey, met, u) else 0.0
+    yield Claim.of("admissible", said["admissible"], survey.faults == 0, sure)
+    if "faults" in said:
+        yield Claim.of("faults", said["faults"], survey.faults, sure)
     values = or_unknown(problem, u, J, survey.rates[:, 0], multipliers(problem, u, J))
     off = _multiplier_errors(problem, u, J, values, period, survey)
     claim = _values("multipliers", said["multipliers"], values, off)
-    if claim.said.shape == values.shape and np.any(np.abs(claim.said - claim.found) > claim.error):
+    if _is_off(claim, values):
         off = off + own_errors(problem, u, values)
         claim = _values("multipliers", said["multipliers"], values, off)
     yield claim
@@ -269,9 +282,33 @@ def _value_errors(A: NDArray[np.float64], values: NDArray[np.complex128]) -> NDA
 
 
 def _values(what: str, said: Any, found: NDArray[np.complex128], errors: NDArray[np.float64]) -> Claim:
-    """Return the claim of eigenvalues or multipliers, whose order is no claim."""
+    """Return the claim of eigenvalues or multipliers; the order of those of one size is no claim."""
     said = np.asarray(said, dtype=np.complex128)
     if said.shape != found.shape:
         return Claim.of(f"number of {what}", said.size, found.size, 0.0)
     order = paired(said, found)
-    return Claim.of(what, said, found[order], errors[order])
+    if _in_order(what, order, found, errors):
+        return Claim.of(what, said, found[order], errors[order])
+    return Claim.of(what, said, found, errors)
+
+
+def _is_off(claim: Claim, values: NDArray[np.complex128]) -> bool:
+    """Return whether one of as many values is said that errs by more than its error; infinite ones do not."""
+    if claim.said.shape != values.shape:
+        return False
+    with np.errstate(invalid="ignore"):
+        return bool(np.any(np.abs(claim.said - claim.found) > claim.error))
+
+
+def _in_order(what: str, order: NDArray[np.intp], found: NDArray[np.complex128], errors: NDArray[np.float64]) -> bool:
+    """Return whether values stand in the order of those found, but for those that differ by no more than their errors.
+
+    order: the index of each value's partner in `found`.
+    """
+    sizes = found.real if what == "eigenvalues" else np.abs(found)
+    for i, first in enumerate(order.tolist()):
+        for second in order[i + 1 :].tolist():
+            apart = abs(float(sizes[first]) - float(sizes[second]))
+            if second < first and apart > float(errors[first] + errors[second]):
+                return False
+    return True

@@ -30,8 +30,10 @@ from saltus.verification.averages import average_rows
 from saltus.verification.best import fit_rows, optimum_rows
 from saltus.verification.branch_points import meeting_rows
 from saltus.verification.columns import ELSEWHERE, column_rows, solution_rows
+from saltus.verification.names import test_rows
 from saltus.verification.orbits import OrbitCheck
 from saltus.verification.table import Row, Verification, compared, equal, place_of, placed, unchecked, worst
+from saltus.verification.unread import unread_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,6 +43,8 @@ if TYPE_CHECKING:
 __all__ = ["verify"]
 
 _AT_SURFACES = (*CHANGES, "BE")  # types at which the number of unstable directions may jump
+_BY_NEWTON = ("distance from Newton's solution", "place")  # claims that mean nothing where the Jacobian is singular
+_SINGULAR = ("SN", "BP")  # types of loci on which it is
 _STEPS = {"SN": 1, "BP": 1, "PD": 1, "HB": 2, "TR": 2}  # unstable directions that one passes
 
 
@@ -74,13 +78,14 @@ def verify(result: Any, *, points: int = 9) -> Verification:
     >>> from saltus import HybridSystem, continue_equilibrium, find_equilibrium, verify
     >>> fold = HybridSystem.smooth({"x": "r - x**2"}, {"r": 1.0})
     >>> checked = verify(continue_equilibrium(find_equilibrium(fold, x0=[1.0]), "r", (-1.0, 2.0)))
-    >>> checked.passed, len(checked.unchecked)
-    (True, 0)
+    >>> checked.passed, [row.what for row in checked.unchecked]
+    (True, ['variable arclength', 'variable special_arclength', 'variable special_scale'])
     """
     count = checks.count("points", points)
     return Verification(f"{type(result).__name__}", tuple(_rows(result, count)))
 
 
+_LONGEST = tuple(one for one in ELSEWHERE if one not in ("lows", "highs"))  # what is checked of a longest cycle
 _NO_CONDITION = "no independent condition"  # why a type is not checked
 
 
@@ -91,7 +96,7 @@ def _rows(result: Any, points: int) -> list[Row]:
 
 @_rows.register
 def _(result: SpecialPoint, points: int) -> list[Row]:
-    return _point_rows(result, None)
+    return [*_point_rows(result, None, getattr(result.solution, "tolerance", None)), *unread_rows(result)]
 
 
 @_rows.register(SolutionCurve)
@@ -121,7 +126,8 @@ def _(result: Diagram, points: int) -> list[Row]:
 
 @_rows.register
 def _(result: Doublings, points: int) -> list[Row]:
-    rows = [*_point_rows(result.start, None), *_doublings(result)]
+    begun = [row if row.place else row._replace(place="start") for row in _rows(result.start, points)]
+    rows = [*begun, *_doublings(result)]
     for k, branch in enumerate(result.branches):
         rows += [row._replace(place=f"period {2 ** (k + 1)}; {row.place}") for row in _curve_rows(branch, points)]
     return worst(rows)
@@ -129,7 +135,7 @@ def _(result: Doublings, points: int) -> list[Row]:
 
 @_rows.register
 def _(result: Optimum, points: int) -> list[Row]:
-    return [*_rows(result.orbit, points), *optimum_rows(result)]
+    return [*_rows(result.orbit, points), *optimum_rows(result, points), *unread_rows(result)]
 
 
 @_rows.register
@@ -164,30 +170,43 @@ def _(solution: MapOrbit, sizes: NDArray[np.float64] | None = None) -> MapOrbitC
     return MapOrbitCheck(solution, sizes)
 
 
-def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> list[Row]:
-    """Return the checks of a special point, the states of the sizes that they have along its curve, if any."""
-    point = point.itself
+def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None, tolerance: float | None) -> list[Row]:
+    """Return the checks of a special point, the states of the sizes that they have along its curve, if any.
+
+    tolerance: that of the flow along its curve; None of equations without a flow.
+    """
+    rows = list(test_rows(point, tolerance))
+    own, point = point, point.itself
     if point.homoclinic is not None:
-        cycle = solution_rows(point.solution, [one for one in ELSEWHERE if one not in ("lows", "highs")], sizes)
-        rows = [*EquilibriumCheck(point.homoclinic.saddle).rows(), *cycle]
+        saddle = point.homoclinic.saddle
+        rows += [*EquilibriumCheck(saddle).rows(), *solution_rows(saddle), *_claimed_at(own, sizes, _LONGEST)]
         return placed(point.label, rows)
     check, multiplicity = _check(point.solution, sizes), getattr(point, "multiplicity", 1)
     wanted = [point.type] if not point.locus or point.type == point.locus else [point.locus, point.type]
     if accumulates(point.type, point.locus):
-        return placed(point.label, [unchecked(f"type {point.type}", point.type, _NO_CONDITION)])
-    rows = [row for one in wanted for row in check.condition(one, multiplicity)]
+        return placed(point.label, [*rows, unchecked(f"type {point.type}", point.type, _NO_CONDITION)])
+    rows += [row for one in wanted for row in check.condition(one, multiplicity)]
     if point.type not in check.shrinks_at:
         rows += [row for row in check.rows() if not _is_critical(row)]
-        told = () if point.type in _AT_SURFACES else ("regular", "admissible")
-        states = None if isinstance(point.solution, MapOrbit) else sizes  # a map orbit has sizes at each of its points
-        along = states if point.scale is None else point.scale
-        rows += solution_rows(point.solution, [claim for claim in ELSEWHERE if claim not in told], along)
+    rows += _claimed_at(point, sizes)
+    if own is not point:
+        rows += _claimed_at(own, sizes, _LONGEST)
     return placed(point.label, rows)
+
+
+def _claimed_at(
+    point: SpecialPoint[Any], sizes: NDArray[np.float64] | None, elsewhere: Sequence[str] = ELSEWHERE
+) -> list[Row]:
+    """Return what the solution of a special point says of itself, held against its unknowns."""
+    told = () if point.type in _AT_SURFACES else ("regular", "admissible")
+    states = None if isinstance(point.solution, MapOrbit) else sizes  # a map orbit has sizes at each of its points
+    along = states if point.scale is None else point.scale
+    return solution_rows(point.solution, [claim for claim in elsewhere if claim not in told], along)
 
 
 def _is_critical(row: Row) -> bool:
     """Whether a claim means nothing at a critical solution: where Newton's method is singular, what is marginal."""
-    return row.what in ("distance from Newton's solution", "place", "stable", "unstable directions", "admissible")
+    return row.what in (*_BY_NEWTON, "stable", "unstable directions", "admissible")
 
 
 def _curve_rows(curve: Any, points: int) -> list[Row]:
@@ -203,7 +222,10 @@ def _curve_rows(curve: Any, points: int) -> list[Row]:
         chatters = accumulates(getattr(curve, "type", ""), "")
         if isinstance(check, OrbitCheck) and (chatters or curve.values[index] in accumulated):
             check.left_out = float(solution.residual)
-        rows += placed(place_of(curve, index), check.rows())
+        own = check.rows()
+        if len(curve.varied) > 1 and curve.type in _SINGULAR:
+            own = [row for row in own if row.what not in _BY_NEWTON]
+        rows += placed(place_of(curve, index), own)
         if isinstance(check, OrbitCheck) and check.found is not None:
             rows += placed(place_of(curve, index), average_rows(curve, index, check.found))
         counts[index] = check.unstable()
@@ -213,8 +235,8 @@ def _curve_rows(curve: Any, points: int) -> list[Row]:
             rows += placed(place_of(curve, index), check.condition(curve.type))
     rows = worst(rows)
     for point in curve.special_points:
-        rows += _point_rows(point, sizes)
-    rows += [*column_rows(curve), *course_rows(curve), *meeting_rows(curve)]
+        rows += _point_rows(point, sizes, getattr(curve, "tolerance", None))
+    rows += [*column_rows(curve), *course_rows(curve), *meeting_rows(curve), *unread_rows(curve)]
     if len(curve.varied) == 1:
         rows += list(_account(curve, counts))
     return rows

@@ -242,7 +242,7 @@ class AlgebraicCurve(SolutionCurve[Solved]):
             special_points=cls._held_special_points(held, system, parameters, varied),
             stable=held.array("stable", point, bool),
             regular=held.array("regular", point, bool),
-            residual=held.array("residual", point),
+            residual=held.array("residual", point, least=0.0),
             arclength=held.array("arclength", point),
             **cls._held_columns(held, system),
             **cls._kept_fields(held),

@@ -180,13 +180,14 @@ def special_points_of(
     tangents = ragged_rows(held, "special_tangent", "tangent_ragged", "special", lengths)
     text = {name: held.array(f"special_{name}", special, str) for name in ("type", "label", "of", "locus")}
     real = {
-        name: held.array(f"special_{name}", special, finite=False)
+        name: held.array(f"special_{name}", special, finite=name in ("position", "arclength"))
         for name in ("test", "position", "arclength", "residual")
     }
     values = held.array("special_value", ("special", "parameter"))
     multipliers = complex_table(held, "special_multiplier", ("special", "multiplier"))
     x0 = held.array("special_x0", ("special", "state"), finite=False)
-    lows, highs = (held.array(f"special_{end}", ("special", "quantity"), finite=False) for end in ("low", "high"))
+    both = ("special", "quantity")
+    lows, highs = (held.first_finite(f"special_{end}", both, wide - 1) for end in ("low", "high"))
     faults = held.array("special_faults", special, int, least=0, most=MOST_FAULTS)
     implicit = np.zeros(len(blocks), dtype=np.bool_)
     if "special_implicit" in held.dataset:  # absent from earlier files

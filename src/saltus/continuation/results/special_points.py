@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -172,7 +173,8 @@ class SpecialPoint(Result, Generic[Solved]):
         if len(solutions) not in (1, 2) or not all(isinstance(one, Equilibrium) for one in solutions[1:]):
             raise InputError("attribute 'solutions'", len(solutions), "a solution, and an equilibrium of a homoclinic")
         tangent, scale = (
-            frozen(held.array(name, (f"{name}_of",))) if name in held.dataset else None for name in ("tangent", "scale")
+            frozen(held.array(name, (f"{name}_of",), least=least)) if name in held.dataset else None
+            for name, least in (("tangent", -math.inf), ("scale", 0.0))
         )
         given: dict[str, Any] = {name: held.text(name) for name in _TEXTS}
         given |= {name: held.number(name, finite=False) for name in _NUMBERS}
