@@ -46,3 +46,17 @@ def test_branch_of_what_dies_out(kind, unit, tolerance):
         assert abs(branch.special_points[0].parameters["a"] - critical) < max(1e-9, 30.0 * tolerance), branch
         np.testing.assert_array_equal(branch.stable, branch.values < branch.special_points[0].parameters["a"])
         assert not branch.audit.breaches, branch
+
+
+@pytest.mark.parametrize("share", guarding([0.0, 0.2, 0.4, 0.6, 0.8], 0.2))
+def test_a_branch_is_as_long_from_where_a_population_is_least(share):
+    """Prey of 1e-16 of its size at the start is solved for in its own unit. The period is SciPy's, in logarithms."""
+    eaten = "x*y/(0.22569475 + x)"
+    field = {"x": f"x*(1 - x/K) - {eaten}", "y": f"1.1006372326*{eaten} - 0.25920262665*y"}
+    system = saltus.HybridSystem.smooth(field, {"K": 2.3})
+    orbit = saltus.find_orbit(system, x0=[0.7, 0.1])
+    start = saltus.simulate(system, x0=orbit.x0, t_end=orbit.period)(share * orbit.period)
+    branch = saltus.continue_orbit(saltus.solve_orbit(system, x0=start, period=orbit.period), "K", (2.3, 2.5))
+    assert branch.stopped == ("K = 2.3: bound reached", "K = 2.5: bound reached")
+    assert len(branch) < 60
+    assert branch.column("period")[-1] == pytest.approx(74.34934902, rel=1e-7)

@@ -7,6 +7,8 @@ import pytest
 
 import fields
 from saltus import continue_equilibrium, continue_locus, find_equilibrium
+from saltus.equilibria.normal_forms import EquilibriumNormalForm
+from selection import guarding
 
 
 def _length(plane: fields.Coordinates, q: list) -> float:
@@ -77,3 +79,43 @@ def test_a_point_without_a_normal_form_says_so():
     assert repr(branch["BP1"].normal_form) == (
         "NoNormalForm BP: two branches cross there; switch_branch(point) goes to the other one"
     )
+
+
+STIFF = [(seed, rate) for seed in range(30) for rate in (1e10, 1e13, 1e16, 1e18)]
+
+
+@pytest.mark.parametrize(("seed", "rate"), guarding(STIFF, (0, 1e16), (1, 1e18), (2, 1e13), campaign=40))
+def test_the_first_lyapunov_coefficient_beside_fast_decays_is_that_of_the_plane(seed, rate):
+    """Fast states follow g(x, y): Guckenheimer and Holmes (3.4.11) give r' = a r^3, so that l1 = 2 a / w."""
+    draw = np.random.default_rng(seed)
+    w, count = float(draw.uniform(0.05, 3.0)), int(draw.integers(1, 4))
+    f, g = draw.uniform(-1.0, 1.0, (2, 7)).tolist()
+    terms = ["x**2", "x*y", "y**2", "x**3", "x**2*y", "x*y**2", "y**3"]
+    bends = [" + ".join(f"{c!r}*{t}" for c, t in zip(row, terms, strict=True)) for row in (f, g)]
+    slopes, back = draw.uniform(-2.0, 2.0, (count, 2)).tolist(), draw.uniform(-1.0, 1.0, (2, count)).tolist()
+    follows = [f"({a!r}*x + {b!r}*y + x**2)" for a, b in slopes]
+    beside = [" + ".join(f"{c!r}*(z{i} - {follows[i]})" for i, c in enumerate(row)) for row in back]
+    field = {"x": f"m*x - {w!r}*y + {bends[0]} + {beside[0]}", "y": f"{w!r}*x + m*y + {bends[1]} + {beside[1]}"}
+    field |= {f"z{i}": f"{rate * 3.0**i!r}*({follows[i]} - z{i})" for i in range(count)}
+    start = find_equilibrium(fields.system(field, {"m": -0.1}), x0=[0.0] * (2 + count))
+    (point,) = continue_equilibrium(start, "m", (-0.2, 0.2)).special_points.of_type("HB")
+    a = (3.0 * f[3] + f[5] + g[4] + 3.0 * g[6]) / 8.0
+    a += (f[1] * (f[0] + f[2]) - g[1] * (g[0] + g[2]) - 2.0 * f[0] * g[0] + 2.0 * f[2] * g[2]) / (8.0 * w)
+    length = 1.0 + sum(one * one + other * other for one, other in slopes) / 2.0
+    form = point.normal_form
+    assert form.frequency == pytest.approx(w, rel=1e-8)
+    assert abs(form.coefficient - 2.0 * a / (w * length)) < form.error + 1e-8 * abs(a / w)
+    assert form.error < 1e-3 * abs(form.coefficient)
+
+
+@pytest.mark.parametrize("rate", [1e3, 1e9, 1e13, 1e15, 1e17])
+def test_a_coefficient_that_the_last_bits_of_fast_rates_decide_has_an_error_or_a_reason(rate):
+    """x and z change places so fast that only their sum counts: x' = K (z - x) + 2 f, z' = K (x - z)."""
+    field = {"x": f"{rate!r}*(z - x) + 2*(m*x - y - x**3)", "y": "x + m*y", "z": f"{rate!r}*(x - z)"}
+    system = fields.system(field, {"m": -0.1})
+    for point in continue_equilibrium(find_equilibrium(system, x0=[0.0] * 3), "m", (-0.2, 0.2)).special_points:
+        form = point.normal_form
+        # q = (1, -i, 1)/sqrt(3) to the order 1/K: the mean of both rates has the terms of a van der Pol's
+        known = isinstance(form, EquilibriumNormalForm)
+        assert known or "too fast" in form.reason
+        assert not known or abs(form.coefficient + 0.5) < form.error + 10.0 / rate + 1e-6

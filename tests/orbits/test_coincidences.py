@@ -7,7 +7,17 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit
+from pairs_in_phase import drawn
+from saltus import (
+    ConvergenceError,
+    HybridSystem,
+    Mode,
+    Transition,
+    continue_orbit,
+    find_orbit,
+    simulate,
+    solve_orbit,
+)
 from selection import guarding
 
 KNOWN = {"A": 0.8, "w": 1.4, "e": 0.8, "k": 0.3, "d": 0.5}
@@ -68,6 +78,51 @@ def test_the_branch_in_phase_is_that_of_one_oscillator(count, seed):
             np.abs(one.multipliers[:, None] - same.multipliers[None, :]).min(axis=1).max() for same in branch.at(p["w"])
         ]
         assert min(gaps) < 1e-7
+
+
+def alone_at(seed):
+    """Return a random oscillator with a periodic attractor, and this one."""
+    while True:
+        oscillator = drawn(seed)
+        try:
+            return oscillator, find_orbit(oscillator.system(), x0=list(oscillator.start))
+        except ConvergenceError:  # it is chaotic
+            seed += 600  # the same kind
+
+
+def in_phase(oscillator, orbit):
+    """Return the orbit of two of them, which need not be stable, from a motion over a period."""
+    pair = oscillator.system(2)
+    if not any(event.startswith("hit") for _, event in orbit.signature):
+        return find_orbit(pair, x0=list(orbit.x0) * 2)
+    motion = simulate(pair, {}, list(orbit.x0) * 2, t_end=(1.0 + 1e-6) * orbit.period)
+    hits = [i for i, name in enumerate(motion.events["name"]) if name.startswith("hit")]
+    names, times, after = (motion.events[name][hits] for name in ("name", "time", "after"))
+    waits = np.maximum(np.diff(times, prepend=times[-1] - orbit.period), 1e-12 * orbit.period)
+    starts = np.roll(after, 1, axis=0)
+    return solve_orbit(pair, {}, [("m", *row) for row in zip(names.tolist(), starts, waits.tolist(), strict=True)])
+
+
+@pytest.mark.parametrize("seed", guarding(range(100), 1, 4, 5, campaign=12))
+def test_two_random_oscillators_in_phase_are_one(seed):
+    """Events of both coincide along the whole branch; other points of it, and other multipliers, break the symmetry."""
+    oscillator, orbit = alone_at(seed)
+    p, value = oscillator.varied, oscillator.parameters[oscillator.varied]
+    alone = continue_orbit(orbit, p, oscillator.bounds)
+    together = in_phase(oscillator, orbit)
+    branch = continue_orbit(together, p, oscillator.bounds)
+    assert together.period == pytest.approx(orbit.period, rel=1e-9)
+    assert branch.admissible.all()
+    assert [end.split(":")[1] for end in branch.stopped] == [end.split(":")[1] for end in alone.stopped]
+    own = [(q.type, q.parameters[p]) for q in alone.special_points]
+    others = [(q.type, q.parameters[p]) for q in branch.special_points]
+    for kind, at in own:
+        assert sum(name == kind and abs(at - other) < 1e-7 * at for name, other in others) == 1
+    assert {kind for kind, at in others if all(abs(at - one) > 1e-7 * at for _, one in own)} <= {"BP", "PD", "TR"}
+    there = branch.at(value)
+    for one in alone.at(value):
+        gaps = [np.abs(one.multipliers[:, None] - same.multipliers[None, :]).min(axis=1).max() for same in there]
+        assert min(gaps) < 1e-6
 
 
 def synchrony(X: float, g: float) -> float:

@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from saltus.algebraic.newton import state_sizes
+from saltus.equilibria.spectrum import eigenvalues
 from saltus.errors import InputError
+from saltus.scales import EPS, SEPARATED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,6 +30,9 @@ __all__ = ["NORMAL_FORMS", "EquilibriumNormalForm", "HopfTerms", "check_no_zero"
            "fold_coefficient", "hopf_terms", "lyapunov_coefficient", "normal_form", "null_pair"]  # fmt: skip
 
 NORMAL_FORMS = ("SN", "HB", "CP", "BT")  # types of special points that have a normal form here
+_SHOWN = 5e-10  # error of a coefficient, over it, from which on it is shown: the last digit that is printed
+_SAMPLES = 4  # Jacobians with other rounding, which show the error of a coefficient
+_ROUNDS = 3  # Rayleigh quotients, each of which triples the digits of an eigenvalue
 _NOISE = 1e-10  # size of a coefficient, over its terms, up to which it is rounding
 _ZERO_HOPF = 1e-7  # modulus of an eigenvalue, over the pair's, below which it is 0
 _FAR = 1e-3  # distance of an eigenvalue from the critical one, over the largest, above which a point is not critical
@@ -45,6 +50,7 @@ class EquilibriumNormalForm:
     # eigenvector.
     coefficient: float
     frequency: float = 0.0  # imaginary part w of the critical pair, in radians per unit of time; 0 but for ``HB``
+    error: float = 0.0  # of l1: what rounding of the Jacobian makes of it; 0 but for ``HB``
 
     @property
     def criticality(self) -> str:
@@ -62,7 +68,10 @@ class EquilibriumNormalForm:
     def __repr__(self) -> str:
         name = "l1" if self.type == "HB" else "coefficient"
         frequency = f", frequency {self.frequency:.9g}" if self.type == "HB" else ""
-        return f"EquilibriumNormalForm {self.type}: {self.criticality}, {name} = {self.coefficient:.9g}{frequency}"
+        error = f" +- {self.error:.1g}" if self.error > _SHOWN * abs(self.coefficient) else ""
+        return (
+            f"EquilibriumNormalForm {self.type}: {self.criticality}, {name} = {self.coefficient:.9g}{error}{frequency}"
+        )
 
 
 def normal_form(
@@ -92,7 +101,7 @@ def normal_form(
     sizes = state_sizes(problem, u, J) if sizes is None else sizes
     scaled = _Scaled(problem, np.where(sizes > 0.0, sizes, 1.0))
     A = J[:, : problem.n] * scaled.sizes / scaled.sizes[:, None]
-    values = np.linalg.eigvals(A)
+    values = eigenvalues(A)
     top = float(np.linalg.norm(A, 2))
     if kind == "HB":
         pair = values[np.argmin(np.where(values.imag > 0.0, np.abs(values.real), np.inf))]
@@ -100,7 +109,13 @@ def normal_form(
             raise InputError("point", f"eigenvalues {values}", "an equilibrium with an imaginary pair, as every HB has")
         w = float(pair.imag)
         check_no_zero(values, w)
-        return EquilibriumNormalForm(kind, lyapunov_coefficient(problem, u, J, w, sizes), w)
+        l1, error = lyapunov_coefficient(problem, u, J, w, sizes), lyapunov_error(problem, u, J, w, sizes)
+        if not error <= max(abs(l1), EPS):
+            hint = "rates beside it are too fast for its last bits"
+            raise InputError(
+                "point", f"l1 = {l1:.3g} +- {error:.1g}", "one with a known first Lyapunov coefficient", hint
+            )
+        return EquilibriumNormalForm(kind, l1, w, error)
     if problem.n > 1 and float(np.abs(values).min()) > _FAR * top:
         raise InputError("point", f"eigenvalues {values}", f"an equilibrium with an eigenvalue 0, as every {kind} has")
     q, p = null_pair(A)
@@ -130,6 +145,75 @@ def lyapunov_coefficient(
     scaled = _Scaled(problem, np.where(sizes > 0.0, sizes, 1.0))
     terms = hopf_terms(scaled, u, J[:, : problem.n] * scaled.sizes / scaled.sizes[:, None], w)
     return terms.l1 * scaled.unit(terms.q) ** 2
+
+
+def lyapunov_error(
+    problem: EquilibriumProblem,
+    u: NDArray[np.float64],
+    J: NDArray[np.float64],
+    w: float,
+    sizes: NDArray[np.float64],
+) -> float:
+    """Return what rounding of the Jacobian makes of the first Lyapunov coefficient; infinite where it is not known.
+
+    Each row is the sum of a few terms, with an error of the rounding of its largest entry. Some matrices that differ
+    by as much show what the coefficient takes from it.
+    """
+    draw, own = np.random.default_rng(0), J[:, : problem.n]
+    units = np.where(sizes > 0.0, sizes, 1.0)
+    rounding = 4.0 * EPS * np.abs(own * units).max(axis=1, keepdims=True) / units
+    with np.errstate(all="ignore"):
+        found = []
+        for _ in range(_SAMPLES):
+            moved = J.copy()
+            moved[:, : problem.n] += np.where(own != 0.0, draw.uniform(-1.0, 1.0, own.shape) * rounding, 0.0)
+            try:
+                found.append(lyapunov_coefficient(problem, u, moved, w, sizes))
+            except np.linalg.LinAlgError:
+                return math.inf
+        error = 2.0 * float(np.abs(np.array(found) - lyapunov_coefficient(problem, u, J, w, sizes)).max())
+    return error if math.isfinite(error) else math.inf
+
+
+def apart(A: NDArray[np.float64], w: float) -> bool:
+    """Return whether a matrix has entries so much larger than a frequency that its pair needs row by row arithmetic."""
+    return w < SEPARATED * float(np.abs(A).max())
+
+
+def _row_units(A: NDArray[Any], w: float) -> NDArray[np.float64]:
+    """Return the factors of rows that are solved with: 1, or powers of two that make them alike."""
+    if not apart(A, w):
+        return np.ones(len(A))
+    return np.asarray(2.0 ** -np.round(np.log2(np.maximum(np.abs(A).max(axis=1), w))))
+
+
+def _critical_pair(A: NDArray[np.float64], w: float) -> tuple[float, NDArray[Any], NDArray[Any]]:
+    """Return the frequency next to `w`, and the vectors q, of unit length, and p, with <p, q> = 1, of its eigenvalue.
+
+    Beside far faster rates vectors are null vectors of rows in units of their own: no row then has rounding of others.
+    """
+    right, vectors = np.linalg.eig(A.astype(np.complex128))
+    q: NDArray[Any] = vectors[:, np.argmin(np.abs(right - 1j * w))]
+    q = q / np.linalg.norm(q)
+    if not apart(A, w):
+        left, adjoint = np.linalg.eig(A.T.astype(np.complex128))
+        p: NDArray[Any] = adjoint[:, np.argmin(np.abs(left + 1j * w))]
+        return w, q, p / (p @ q.conj())
+    value, rows, first = 1j * w, _row_units(A, w), q
+    for _ in range(_ROUNDS):
+        shifted = A - value * np.eye(len(A))
+        columns, _, null = np.linalg.svd(shifted * rows[:, None])
+        q, p = null[-1].conj(), columns[:, -1] * rows
+        p = p / np.conj(p.conj() @ q)
+        value += complex(p.conj() @ (shifted @ q))
+    turn = first.conj() @ q
+    turn = turn / abs(turn) if turn else 1.0
+    return value.imag, q / turn, p / turn
+
+
+def _solved(A: NDArray[Any], right: NDArray[Any], rows: NDArray[np.float64]) -> NDArray[Any]:
+    """Return the solution of equations with rows in units of their own."""
+    return np.asarray(np.linalg.solve(A * rows[:, None], right * rows))
 
 
 class _Field(Protocol):
@@ -222,19 +306,15 @@ class HopfTerms:
 def hopf_terms(problem: _Field, u: NDArray[np.float64], A: NDArray[np.float64], w: float) -> HopfTerms:
     """Return the terms to third order at an equilibrium with the imaginary pair +-i w."""
     n = problem.n
-    right, vectors = np.linalg.eig(A.astype(np.complex128))
-    q: NDArray[Any] = vectors[:, np.argmin(np.abs(right - 1j * w))]
-    q = q / np.linalg.norm(q)
-    left, adjoint = np.linalg.eig(A.T.astype(np.complex128))
-    p: NDArray[Any] = adjoint[:, np.argmin(np.abs(left + 1j * w))]
-    p = p / (p @ q.conj())  # <p, q> = 1
+    rows = _row_units(A, w)
+    w, q, p = _critical_pair(A, w)
     a, b = q.real.copy(), q.imag.copy()
     cubes = {key: problem.third(u, *ways) for key, ways in
              {"aaa": (a, a, a), "abb": (a, b, b), "aab": (a, a, b), "bbb": (b, b, b)}.items()}  # fmt: skip
     cubic = cubes["aaa"] + cubes["abb"] + 1j * (cubes["aab"] + cubes["bbb"])
     across, along = _bilinear(problem, u, q, q.conj()), _bilinear(problem, u, q, q)
-    mean = -np.linalg.solve(A, across.real)
-    double = np.linalg.solve(2j * w * np.eye(n) - A, along)
+    mean = -_solved(A, across.real, rows)
+    double = _solved(2j * w * np.eye(n) - A, along, rows)
     parts = [
         p.conj() @ cubic,
         2.0 * (p.conj() @ _bilinear(problem, u, q, mean)),

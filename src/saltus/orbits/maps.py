@@ -11,6 +11,7 @@ from saltus.errors import ConvergenceError
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import kept_at_zero
 from saltus.orbits.signature import CLOSED_END, CUT_END, EVENT_END, MEAN_END, Signature
+from saltus.scales import ILL_CONDITIONED
 from saltus.system.faces import EXPONENTIAL, FACE
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ __all__ = [
     "piece_maps",
     "reflector",
     "resting",
+    "small_at_starts",
 ]
 
 
@@ -67,6 +69,17 @@ def own_units(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np
         return None
     sizes = problem.common_scale
     return np.where(own, starts, sizes), np.where(own, ends, sizes)
+
+
+def small_at_starts(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which unknowns are states that are small and have themselves as a factor of their rate, shape (size,).
+
+    Rounding of their size is half of their digits, or all of them.
+    """
+    unknowns = np.abs(u[: problem.size]).reshape(problem.segments, problem.n + 1)
+    own = np.append(np.isin(problem.system.compiled.kinds, (FACE, EXPONENTIAL)), False)
+    sizes = np.append(problem.state_scale, 1.0)
+    return np.asarray(own & (unknowns > 0.0) & (unknowns < ILL_CONDITIONED * sizes)).ravel()
 
 
 def check_measured(maps: NDArray[np.float64]) -> None:

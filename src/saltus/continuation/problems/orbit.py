@@ -31,6 +31,7 @@ from saltus.continuation.problems.watching import Watched, beyond
 from saltus.orbits import records
 from saltus.orbits.correction import corrected
 from saltus.orbits.landing.upstrokes import carried
+from saltus.orbits.maps import small_at_starts
 from saltus.orbits.observables.gradients import slope_along
 from saltus.orbits.observables.outputs import complete
 from saltus.orbits.observables.quantities import read_quantity
@@ -151,6 +152,9 @@ class OrbitZeroProblem:
         self._block, self._scale = np.empty(self.n + 1), np.empty(problem.size + self.further + 1)
         sizes = problem.common_scale, problem.state_scale, float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
         problem.equations.units(*sizes, problem.segments, self._block, self._scale)
+        # what is its own unit at each piece is solved for in it: rounding of its size would be all of it
+        small = small_at_starts(problem, u)
+        self._scale[: small.size][small] = np.abs(u[: small.size][small])
 
     def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
         """Return a determinant over its first size and over the factor of the phase condition."""
