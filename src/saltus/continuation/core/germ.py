@@ -88,8 +88,9 @@ class Germ:
         """Return the way along the known branch that changes the critical slope as the unit way across does."""
 
         def slopes(z: NDArray[np.float64]) -> NDArray[np.float64]:
-            J = self._evaluate(self._u + self._sizes * z)[1] * self._sizes * self._rows[:, None]
-            return np.asarray(np.nan_to_num(np.abs(self._left @ J @ self._kernel.T), nan=math.inf))
+            with np.errstate(over="ignore", invalid="ignore"):  # far away fields overflow
+                J = self._evaluate(self._u + self._sizes * z)[1] * self._sizes * self._rows[:, None]
+                return np.asarray(np.nan_to_num(np.abs(self._left @ J @ self._kernel.T), nan=math.inf))
 
         mixed, wanted = np.max([slopes(side * 0.1 * self._kernel[1]) for side in (-1.0, 1.0)], axis=0)
         low, high = -30.0, 30.0
