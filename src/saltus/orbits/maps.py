@@ -74,12 +74,17 @@ def own_units(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np
 def small_at_starts(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which unknowns are states that are small and have themselves as a factor of their rate, shape (size,).
 
-    Rounding of their size is half of their digits, or all of them.
+    Rounding of their size is half of their digits, or all of them. A state that is small all along the orbit rests at 0,
+    and has no size of its own.
     """
     unknowns = np.abs(u[: problem.size]).reshape(problem.segments, problem.n + 1)
     own = np.append(np.isin(problem.system.compiled.kinds, (FACE, EXPONENTIAL)), False)
     sizes = np.append(problem.state_scale, 1.0)
-    return np.asarray(own & (unknowns > 0.0) & (unknowns < ILL_CONDITIONED * sizes)).ravel()
+    small = own & (unknowns > 0.0) & (unknowns < ILL_CONDITIONED * sizes)
+    if np.any(small):
+        survey, n = problem.survey(u), problem.n
+        small[:, :n] &= np.maximum(np.abs(survey.lows[:n]), np.abs(survey.highs[:n])) >= ILL_CONDITIONED * sizes[:n]
+    return np.asarray(small).ravel()
 
 
 def check_measured(maps: NDArray[np.float64]) -> None:
