@@ -74,8 +74,8 @@ def own_units(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np
 def small_at_starts(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which unknowns are states that are small and have themselves as a factor of their rate, shape (size,).
 
-    Rounding of their size is half of their digits, or all of them. A state that is small all along the orbit rests at 0,
-    and has no size of its own.
+    Rounding of their size is half of their digits, or all of them. A state that is small all along the orbit rests, and
+    has no size of its own.
     """
     unknowns = np.abs(u[: problem.size]).reshape(problem.segments, problem.n + 1)
     own = np.append(np.isin(problem.system.compiled.kinds, (FACE, EXPONENTIAL)), False)

@@ -77,11 +77,15 @@ class Germ:
     def degenerates(self, second: Bends, third: Bends) -> bool:
         """Return whether the bifurcation equation has no two directions to second order, above its error.
 
+        Its discriminant decides: the known branch's direction has an error, and by it another quadratic form.
         second, third: second derivatives twice along two directions, shape (n,), and third ones along three.
         """
         left, (along, across) = self._left * self._rows, self._sizes * self._kernel
-        mixed = self._unit * abs(float(left @ second(along, across)))
-        terms = abs(float(left @ second(across, across))), abs(float(left @ third(across, across, across)))
+        own, mixed, other = (
+            float(left @ second(*ways)) for ways in ((along, along), (along, across), (across, across))
+        )
+        mixed = self._unit * math.sqrt(max(mixed * mixed - own * other, 0.0))
+        terms = abs(other), abs(float(left @ third(across, across, across)))
         return mixed <= FORM_DEGENERATE * max(terms)
 
     def _balanced(self) -> float:

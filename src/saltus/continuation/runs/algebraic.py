@@ -398,8 +398,9 @@ class AlgebraicRun(OneParameterRun):
         solution = type(self.solution).from_unknowns(branch.problem, point.u, branch.sizes)
         p = {**solution.parameters, self.name: self.value(point)}
         tangent = None
-        if name == "BP":
-            tangent = np.append(point.tangent[:-1], self.scale * point.tangent[-1])
+        if name == "BP":  # it is undetermined at the point itself: the last point's is taken
+            last = half.points[-1][1] if half.points else point
+            tangent = np.append(last.tangent[:-1], self.scale * last.tangent[-1])
         return Found(
             name, replace(solution, parameters=p), event.value, len(half.points), point.arc, tangent=tangent,
             scale=branch.sizes.copy(),
