@@ -193,12 +193,11 @@ class AlgebraicRun(OneParameterRun):
     def begin(self) -> tuple[AlgebraicZeroProblem, Point]:
         """See `Run.begin`."""
         self._marks, self._blunt = [], set()
-        problem = self.solution.problem(self.name)
-        problem.scales[0] = self.scale
+        problem, apart = self.solution.problem(self.name), self.solution.problem(self.name)
+        problem.scales[0] = apart.scales[0] = self.scale
         u = np.append(self.solution.unknowns, self.start_value(self.solution.parameters))
         branch = self.equations(problem, u)
-        begin, longest = partial(self.equations, problem), self.control.largest
-        self.first_length = algebraic_beside_rest(begin, branch, u, longest)
+        self.first_length = algebraic_beside_rest(partial(self.equations, apart), branch, u, self.control.largest)
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:

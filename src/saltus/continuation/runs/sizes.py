@@ -148,13 +148,16 @@ def algebraic_beside_rest(
         As `beside_rest` takes them.
     """
     problem = first.problem
-    places = _resting(first, u, np.arange(problem.n).reshape(problem.period, -1))
+    places = _resting(begin(u), u, np.arange(problem.n).reshape(problem.period, -1))
     if not places.size or not np.any(u[places]):
         return None
     if (found := _Ladder(begin, places, longest).bend(u, nearer=False)) is None:
         return None
-    first.sizes[places] = np.maximum(first.sizes, found.sizes)[places]
-    return _first_step(first, u, places, longest)
+    usual = first.sizes.copy()
+    first.sizes[places] = np.maximum(usual, found.sizes)[places]
+    if (step := _first_step(first, u, places, longest)) is None:  # a start far from the rest has its own sizes
+        first.sizes[:] = usual
+    return step
 
 
 def _first_step(branch: ZeroProblem, u: NDArray[np.float64], places: NDArray[np.intp], longest: float) -> float | None:
