@@ -272,7 +272,8 @@ class Discretised(ABC):
         fresh, ends = np.empty(3 * places.size + 8 * self.segments), np.empty_like(starts)
         given = places, starts, self.transitions, self._errors, limit, self._worst, met, most
         fine, count = self._meshes.moved(*given, fresh, ends)
-        if 0 < count <= max(places.size, self._meshes.MOST_NODES):
+        # a flow that diverges has errors that are no numbers, and by these no mesh
+        if 0 < count <= max(places.size, self._meshes.MOST_NODES) and np.isfinite(fresh[:count]).all():
             self._use(fresh[:count].copy(), ends)
         return bool(fine)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, islice
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -124,7 +125,8 @@ def _between(
     best, least = None, float(np.linalg.norm((high - low) / sizes)) + GUESS_MISSES_BESIDE
     failed: list[ConvergenceError] = []
     apart: list[float] = []
-    for attempt in attempts(first, last, share):
+    line = (value - a.value) / (b.value - a.value)
+    for attempt in chain(attempts(first, last, share), islice(attempts(first, last, line), 1)):
         try:
             solution = attempt()
         except ConvergenceError as error:

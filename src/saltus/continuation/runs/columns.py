@@ -72,14 +72,20 @@ def settled(joined: BothSides, critical: Sequence[bool], stable: Sequence[bool])
         low, high = joined.arcs[max(before, 0)], joined.arcs[min(after, last)]
         passed = [place for place in places if low <= place <= high]
         for i in own:
-            told[i] = sides[1] if passed and joined.arcs[i] > passed[0] else sides[0]
+            if not passed or joined.arcs[i] <= min(passed):
+                told[i] = sides[0]
+            elif joined.arcs[i] > max(passed):  # between two such points a solution's own values tell
+                told[i] = sides[1]
     return told
 
 
 def _near_one(data: Any) -> bool:
-    """Return whether a real multiplier of an orbit of a branch is at 1 within its error."""
+    """Return whether a real multiplier of an orbit of a branch is at 1 within its error, and none is beyond it."""
     if not isinstance(data, OrbitData):
         return False
     values: NDArray[np.complex128] = np.array(data.followed, dtype=np.complex128)
-    error = varied(data.tolerance) * max(1.0, float(np.abs(values).max(initial=0.0)))
+    sizes = np.abs(values)
+    if np.any(sizes - 1.0 > varied(data.tolerance) * np.maximum(sizes, 1.0)):
+        return False
+    error = varied(data.tolerance) * max(1.0, float(sizes.max(initial=0.0)))
     return bool(np.any((values.imag == 0.0) & (np.abs(values - 1.0) <= error)))
