@@ -85,7 +85,7 @@ def _near_one(data: Any) -> bool:
         return False
     values: NDArray[np.complex128] = np.array(data.followed, dtype=np.complex128)
     sizes = np.abs(values)
-    if np.any(sizes - 1.0 > varied(data.tolerance) * np.maximum(sizes, 1.0)):
+    if np.any(sizes * (1.0 - varied(data.tolerance)) > 1.0):
         return False
     error = varied(data.tolerance) * max(1.0, float(sizes.max(initial=0.0)))
     return bool(np.any((values.imag == 0.0) & (np.abs(values - 1.0) <= error)))
