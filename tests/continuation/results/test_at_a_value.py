@@ -121,14 +121,14 @@ def test_a_gap_that_newton_does_not_close_is_told(fold, monkeypatch):
     monkeypatch.setattr("saltus.continuation.results.equilibrium_branch.find_equilibrium", lost)
     with pytest.raises(ConvergenceError, match="solution at a = 0.123, between points at .* and .*: ") as told:
         fold.at(0.123)
-    assert "residual 1 after 9 iterations; Newton's method fails from 3 guesses" in str(told.value)
+    assert "residual 1 after 12 iterations; Newton's method fails from 4 guesses" in str(told.value)
     assert str(told.value).endswith("; trace the branch with shorter steps there")
 
 
 def test_solutions_of_another_branch_are_told(fold, monkeypatch):
     far = fold.at(1.0)[0]
     monkeypatch.setattr("saltus.continuation.results.equilibrium_branch.find_equilibrium", lambda *_a, **_k: far)
-    with pytest.raises(ConvergenceError, match=r"solution at a = 9000.*from 3 it leads to one .* of its size away"):
+    with pytest.raises(ConvergenceError, match=r"solution at a = 9000.*from 4 it leads to one .* of its size away"):
         fold.at(9000.0)
 
 

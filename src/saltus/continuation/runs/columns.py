@@ -33,7 +33,7 @@ def orbit_columns(joined: BothSides) -> dict[str, Any]:
     return {
         "x0": np.array([d.survey.x0[:states] for d in data]),
         "multipliers": np.array([d.told for d in data]),
-        "stable": settled(joined, [_near_one(d) for d in data], stable),
+        "stable": settled(joined, _critical(data), stable),
         "period": np.array([abs(point.u[n : piece.problem.size : n + 1].sum()) for piece, point in joined.rows]),
         **{name: np.array([getattr(d.survey, name) for d in data]) for name in _SURVEYED},
         "forms": tuple(forms),
@@ -79,13 +79,20 @@ def settled(joined: BothSides, critical: Sequence[bool], stable: Sequence[bool])
     return told
 
 
-def _near_one(data: Any) -> bool:
-    """Return whether a real multiplier of an orbit of a branch is at 1 within its error, and none is beyond it."""
+def _critical(data: Sequence[Any]) -> list[bool]:
+    """Return which orbits have a further real multiplier at 1 within its error, and none beyond it.
+
+    Those that every orbit of the branch has there belong to what is conserved.
+    """
+    near, grows = zip(*(_near_one(one) for one in data), strict=True)
+    return [count > min(near) and not more for count, more in zip(near, grows, strict=True)]
+
+
+def _near_one(data: Any) -> tuple[int, bool]:
+    """Return how many real multipliers of an orbit are at 1 within their error, and whether one is beyond it."""
     if not isinstance(data, OrbitData):
-        return False
+        return 0, False
     values: NDArray[np.complex128] = np.array(data.followed, dtype=np.complex128)
-    sizes = np.abs(values)
-    if np.any(sizes * (1.0 - varied(data.tolerance)) > 1.0):
-        return False
-    error = varied(data.tolerance) * max(1.0, float(sizes.max(initial=0.0)))
-    return bool(np.any((values.imag == 0.0) & (np.abs(values - 1.0) <= error)))
+    sizes, error = np.abs(values), varied(data.tolerance)
+    near = (values.imag == 0.0) & (np.abs(values - 1.0) <= error * max(1.0, float(sizes.max(initial=0.0))))
+    return int(near.sum()), bool(np.any(sizes * (1.0 - error) > 1.0))
