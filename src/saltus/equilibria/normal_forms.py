@@ -109,7 +109,8 @@ def normal_form(
             raise InputError("point", f"eigenvalues {values}", "an equilibrium with an imaginary pair, as every HB has")
         w = float(pair.imag)
         check_no_zero(values, w)
-        l1, error = lyapunov_coefficient(problem, u, J, w, sizes), lyapunov_error(problem, u, J, w, sizes)
+        l1 = lyapunov_coefficient(problem, u, J, w, sizes)
+        error = lyapunov_error(problem, u, J, w, sizes, l1)
         if not error <= max(abs(l1), EPS):
             hint = "rates beside it are too fast for its last bits"
             raise InputError(
@@ -153,8 +154,9 @@ def lyapunov_error(
     J: NDArray[np.float64],
     w: float,
     sizes: NDArray[np.float64],
+    l1: float,
 ) -> float:
-    """Return what rounding of the Jacobian makes of the first Lyapunov coefficient; infinite where it is not known.
+    """Return what rounding of the Jacobian makes of the first Lyapunov coefficient `l1`; infinite where it is unknown.
 
     Each row is the sum of a few terms, with an error of the rounding of its largest entry. Some matrices that differ
     by as much show what the coefficient takes from it.
@@ -171,7 +173,7 @@ def lyapunov_error(
                 found.append(lyapunov_coefficient(problem, u, moved, w, sizes))
             except np.linalg.LinAlgError:
                 return math.inf
-        error = 2.0 * float(np.abs(np.array(found) - lyapunov_coefficient(problem, u, J, w, sizes)).max())
+        error = 2.0 * float(np.abs(np.array(found) - l1).max())
     return error if math.isfinite(error) else math.inf
 
 
